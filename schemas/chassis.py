@@ -1,0 +1,173 @@
+"""What a chassis measures, is told, and answers. The driver interface of a real robot, and of the simulator."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from schemas.base import Array, Message, Pose2, Stamp, Twist2, Vec2, Vec3
+
+ControlMode = Literal["auto", "manual", "remote"]
+
+
+class Odometry(Message):
+    """Wheel odometry: pose in the odometry frame, body twist, wheel speeds in rad/s (left, right).
+
+    Published last of all that the driver measures at one instant: whoever has it has the rest too.
+    """
+
+    stamp: Stamp
+    pose: Pose2
+    twist: Twist2
+    wheel_velocities: Vec2
+
+
+class Scan(Message):
+    """A 2-D lidar scan. Ranges in metres, NaN where nothing returned; beam i points at angle_min + i·angle_step.
+
+    ``sensor`` is the lidar's pose in the chassis frame.
+    """
+
+    stamp: Stamp
+    sensor: Pose2
+    angle_min: float
+    angle_step: Annotated[float, Field(gt=0)]
+    range_max: Annotated[float, Field(gt=0)]
+    ranges: Annotated[np.ndarray, Array("<f4", (-1,), finite=False)]
+
+
+class Imu(Message):
+    """Angular velocity in rad/s and specific force in m/s², both in the chassis frame."""
+
+    stamp: Stamp
+    angular_velocity: Vec3
+    linear_acceleration: Vec3
+
+
+class Jack(Message):
+    """The jack: progress 0 is down, 1 is up; weight in kg as its sensor reads it."""
+
+    stamp: Stamp
+    state: Literal["unknown", "hold", "jacking_up", "jacking_down"]
+    progress: Annotated[float, Field(ge=0, le=1)]
+    weight: float
+
+
+class Battery(Message):
+    """Charge 0 … 1, volts, amperes (negative while charging)."""
+
+    stamp: Stamp
+    percentage: Annotated[float, Field(ge=0, le=1)]
+    voltage: float
+    current: float
+    charging: bool
+
+
+class Contacts(Message):
+    """The chassis' switches: bumpers, charging contacts, a plugged cable, the emergency-stop button."""
+
+    stamp: Stamp
+    bumper_front: bool = False
+    bumper_rear: bool = False
+    charge_contact: bool = False
+    power_cable: bool = False
+    emergency_stop_button: bool = False
+
+
+class LocalisedPose(Message):
+    """The pose in the map as a localiser knows it; covariance of (x, y, yaw), row by row."""
+
+    stamp: Stamp
+    pose: Pose2
+    covariance: Annotated[np.ndarray, Array("<f8", (3, 3))]
+    quality: Annotated[int, Field(ge=0, le=10, description="0 unknown, 1 lost, 3 poor, 8 good, 10 excellent")]
+
+
+class ChassisCommand(Message):
+    """What the planner tells the driver. ``answers`` is the stamp of the odometry it was computed from."""
+
+    answers: Stamp
+    twist: Twist2
+    jack: Literal["hold", "up", "down"] = "hold"
+
+
+class ChassisModel(Message):
+    """The body that must not touch anything: a convex polygon in the chassis frame (x forward), counter-clockwise."""
+
+    profile: str
+    footprint: Annotated[np.ndarray, Array("<f8", (-1, 2))]
+    wheel_separation: float
+    wheel_radius: float
+
+
+class Alert(Message):
+    """One row of ``/alerts``: code = component·1000 + n."""
+
+    code: int
+    level: Literal["error", "warning", "none"]
+    msg: str
+
+
+class ChassisStatus(Message):
+    """Modes and stops of a chassis as the planner, who decides them, holds them."""
+
+    stamp: Stamp
+    control_mode: ControlMode = "auto"
+    emergency_stop: bool = False
+    driver_alive: bool = True
+    alerts: tuple[Alert, ...] = Field(default=(), strict=False)
+
+
+class JackRequest(Message):
+    op: Literal["jack"] = "jack"
+    direction: Literal["up", "down"]
+
+
+class SetControlMode(Message):
+    op: Literal["set_control_mode"] = "set_control_mode"
+    control_mode: ControlMode
+
+
+class SetEmergencyStop(Message):
+    op: Literal["set_emergency_stop"] = "set_emergency_stop"
+    enable: bool
+
+
+class RemoteTwist(Message):
+    """One step of remote driving; dies 500 ms of chassis time after it was taken. Needs control mode ``remote``."""
+
+    op: Literal["remote_twist"] = "remote_twist"
+    twist: Twist2
+
+
+class SetPose(Message):
+    """Tell the localiser where the robot is."""
+
+    op: Literal["set_pose"] = "set_pose"
+    pose: Pose2
+
+
+class ChassisRequest(Message):
+    """A question to, or an order for, the planner about its chassis."""
+
+    request: Annotated[
+        JackRequest | SetControlMode | SetEmergencyStop | RemoteTwist | SetPose, Field(discriminator="op")
+    ]
+
+
+class Done(Message):
+    """The answer to a request that has nothing more to tell."""
+
+    detail: str = ""
+
+
+class Refusal(Message):
+    """Why a request was refused: the one error body of every query on the bus.
+
+    ``code``: ``not_found``, ``invalid``, ``precondition``, ``malformed``, ``unavailable``, ``timeout`` or ``internal``.
+    """
+
+    code: str
+    text: str

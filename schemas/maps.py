@@ -1,0 +1,102 @@
+"""Maps: the robot's store of them, the one in use, and its overlays (GeoJSON in map coordinates)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from schemas.base import Message, Stamp, Vec2
+
+Overlays = dict[str, Any]
+
+
+class MapSummary(Message):
+    """A row of the map store. Times are unix seconds. ``id`` is -1 for a map set from data and not stored."""
+
+    id: int
+    uid: str
+    map_name: str
+    create_time: int
+    last_modified_time: int
+    map_version: int = 0
+    overlays_version: int = 0
+
+
+class MapData(MapSummary):
+    """A whole map: 8-bit grey PNG (occupied dark, free light, unknown between), lower-left corner, metres a cell."""
+
+    png: bytes
+    origin: Vec2
+    resolution: Annotated[float, Field(gt=0)]
+    overlays: Overlays = Field(default_factory=lambda: {"type": "FeatureCollection", "features": []})
+
+
+class CurrentMap(Message):
+    """The map in use, or none; latched."""
+
+    stamp: Stamp
+    map: MapData | None = None
+
+
+class ListMaps(Message):
+    op: Literal["list"] = "list"
+
+
+class GetMap(Message):
+    """One map by id; without an id, the one in use."""
+
+    op: Literal["get"] = "get"
+    id: int | None = None
+
+
+class CreateMap(Message):
+    op: Literal["create"] = "create"
+    map_name: str
+    uid: str | None = None
+    png: bytes
+    origin: Vec2
+    resolution: Annotated[float, Field(gt=0)]
+    overlays: Overlays = Field(default_factory=lambda: {"type": "FeatureCollection", "features": []})
+
+
+class PatchMap(Message):
+    """New name or overlays. The running map keeps its old ones until it is selected again (as measured)."""
+
+    op: Literal["patch"] = "patch"
+    id: int
+    map_name: str | None = None
+    overlays: Overlays | None = None
+
+
+class DeleteMap(Message):
+    op: Literal["delete"] = "delete"
+    id: int
+
+
+class SelectMap(Message):
+    """Use a stored map (by id or uid); with neither, use none. A running move fails with ``map_changed``."""
+
+    op: Literal["select"] = "select"
+    id: int | None = None
+    uid: str | None = None
+
+
+class UseMapData(Message):
+    """Use a map that is given whole and not stored."""
+
+    op: Literal["use_data"] = "use_data"
+    map: CreateMap
+
+
+class MapRequest(Message):
+    request: Annotated[
+        ListMaps | GetMap | CreateMap | PatchMap | DeleteMap | SelectMap | UseMapData, Field(discriminator="op")
+    ]
+
+
+class MapReply(Message):
+    """``maps``: rows of the store. ``data``: the one map that was asked for whole."""
+
+    maps: tuple[MapSummary, ...] = Field(default=(), strict=False)
+    data: MapData | None = None

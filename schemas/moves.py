@@ -1,0 +1,143 @@
+"""Moves of a chassis: what is asked, what is kept, what is told while one runs (seeds 000, 001, 004)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from schemas.base import Array, Message, Pose2, Stamp
+
+MoveState = Literal["idle", "moving", "succeeded", "failed", "cancelled"]
+StuckState = Literal["none", "move_stucked", "target_spin_stucked"]
+TERMINAL: frozenset[str] = frozenset({"succeeded", "failed", "cancelled"})
+
+MOVE_TYPES = (
+    "none",
+    "standard",
+    "charge",
+    "return_to_elevator_waiting_point",
+    "enter_elevator",
+    "leave_elevator",
+    "pull_over",
+    "along_given_route",
+    "align_with_rack",
+    "to_unload_point",
+    "follow_target",
+)
+DEPRECATED_MOVE_TYPES = frozenset({"leave_elevator", "pull_over"})
+
+
+class MoveCreate(Message):
+    """A move as a client asks for it. Metres, radians, map frame; ``none`` behaves like ``standard``."""
+
+    creator: str = "control_unit"
+    type: Literal[
+        "none",
+        "standard",
+        "charge",
+        "return_to_elevator_waiting_point",
+        "enter_elevator",
+        "leave_elevator",
+        "pull_over",
+        "along_given_route",
+        "align_with_rack",
+        "to_unload_point",
+        "follow_target",
+    ] = "none"
+    target_x: float | None = None
+    target_y: float | None = None
+    target_z: float | None = None
+    target_ori: float | None = None
+    target_accuracy: Annotated[float, Field(ge=0)] | None = None
+    use_target_zone: bool | None = None
+    route_coordinates: str | None = None
+    detour_tolerance: Annotated[float, Field(ge=0)] | None = None
+    charge_retry_count: Annotated[int, Field(ge=0)] = 0
+    rack_area_id: str | None = None
+    properties: dict[str, Any] = Field(default_factory=dict)
+
+
+class Move(MoveCreate):
+    """A move as it is kept. Times are unix seconds; ``fail_reason`` is a ``MoveFailReason`` number."""
+
+    id: int
+    state: MoveState
+    fail_reason: int = 0
+    fail_message: str = ""
+    create_time: int
+    last_modified_time: int
+    is_charging: bool | None = None
+
+
+class MoveList(Message):
+    moves: tuple[Move, ...] = Field(strict=False)
+
+
+class CreateMove(Message):
+    op: Literal["create"] = "create"
+    move: MoveCreate
+
+
+class GetMove(Message):
+    """One move by id; without an id, the one that runs."""
+
+    op: Literal["get"] = "get"
+    id: int | None = None
+
+
+class ListMoves(Message):
+    """Newest first; ``offset`` and ``limit`` page, both optional."""
+
+    op: Literal["list"] = "list"
+    offset: Annotated[int, Field(ge=0)] = 0
+    limit: Annotated[int, Field(ge=1)] | None = None
+
+
+class CancelMove(Message):
+    """Cancel the move that runs; with an id, only if it is that one."""
+
+    op: Literal["cancel"] = "cancel"
+    id: int | None = None
+
+
+class MoveRequest(Message):
+    request: Annotated[CreateMove | GetMove | ListMoves | CancelMove, Field(discriminator="op")]
+
+
+class MoveReply(Message):
+    """``moves`` holds the one move created, got or cancelled, or the page of a list."""
+
+    moves: tuple[Move, ...] = Field(strict=False)
+
+
+class PlanningState(Message):
+    """How the current (or last) move stands; the source of ``/planning_state``."""
+
+    stamp: Stamp
+    map_uid: str = ""
+    action_id: int = 0
+    action_type: str = "none"
+    move_state: Literal["none", "idle", "moving", "succeeded", "failed", "cancelled"] = "none"
+    fail_reason: int = 0
+    remaining_distance: float = 0.0
+    target: Pose2 | None = None
+    stuck_state: StuckState = "none"
+    viewport_blocked: bool = False
+
+
+class PlannedPath(Message):
+    """The path ahead: rows of x, y, yaw in the map frame; empty when no move runs."""
+
+    stamp: Stamp
+    poses: Annotated[np.ndarray, Array("<f8", (-1, 3))]
+
+
+class MoveEvent(Message):
+    """Something that happened to a move: created, replaced, replanned, blocked, succeeded, failed, cancelled."""
+
+    stamp: Stamp
+    move_id: int
+    event: Literal["created", "replaced", "replanned", "blocked", "unblocked", "succeeded", "failed", "cancelled"]
+    text: str = ""

@@ -1,0 +1,33 @@
+"""Who is there: liveliness tokens of services."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+WORLD = "world"
+CELL = "cell"
+SERVICES = ("sim", "planner", "controller", "gateway", "viewer", "router")
+
+
+@dataclass(frozen=True)
+class ServiceId:
+    """One running service: its name, and the robot it serves (``world`` for the sim, ``cell`` for the rest)."""
+
+    service: str
+    robot: str
+
+    @property
+    def key(self) -> str:
+        """The key of its liveliness token."""
+        return f"rackhand/{self.robot}/alive/{self.service}"
+
+    @staticmethod
+    def from_key(key: str) -> ServiceId:
+        _, robot, _, service = key.split("/")
+        return ServiceId(service, robot)
+
+    def __str__(self) -> str:
+        return f"{self.robot}/{self.service}"
+
+
+ALIVE_EVERYWHERE = "rackhand/*/alive/*"

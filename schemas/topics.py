@@ -1,0 +1,145 @@
+"""The contract: one row a topic. Reference docs, access lists and the viewer's routing are derived from this table.
+
+Adding a topic is adding a row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Generic, TypeVar
+
+from schemas import chassis, maps, moves, world
+from schemas.base import Message
+from schemas.service import WORLD
+
+M = TypeVar("M", bound=Message)
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
+
+
+class Qos(Enum):
+    """How a topic is carried.
+
+    ``STREAM``: newest wins, a slow reader loses old samples. ``COMMAND``: never dropped on the way, ahead of data.
+    ``EVENT``: every one arrives, in order. ``LATCHED``: like events, and who comes later gets the last one at once.
+    """
+
+    STREAM = "stream"
+    COMMAND = "command"
+    EVENT = "event"
+    LATCHED = "latched"
+
+
+@dataclass(frozen=True)
+class Topic(Generic[M]):
+    """A published topic. ``key`` has ``{robot}`` where its name goes; rates are Hz of simulation time, 0 = on change."""
+
+    name: str
+    key: str
+    model: type[M]
+    publisher: str
+    rate: float
+    qos: Qos
+    text: str
+
+    def key_for(self, robot: str) -> str:
+        return self.key.format(robot=robot)
+
+
+@dataclass(frozen=True)
+class Query(Generic[Q, R]):
+    """A query: a request model in, a reply model out, a ``Refusal`` as the error."""
+
+    name: str
+    key: str
+    request: type[Q]
+    reply: type[R]
+    server: str
+    commander: str
+    text: str
+
+    def key_for(self, robot: str) -> str:
+        return self.key.format(robot=robot)
+
+
+def _chassis(name: str, model: type[M], rate: float, qos: Qos, text: str, publisher: str = "driver") -> Topic[M]:
+    return Topic(f"chassis/{name}", f"rackhand/{{robot}}/chassis/{name}", model, publisher, rate, qos, text)
+
+
+ODOMETRY = _chassis("odometry", chassis.Odometry, 50, Qos.STREAM, "wheel odometry; last of what belongs to one instant")
+SCAN = _chassis("scan", chassis.Scan, 12.5, Qos.STREAM, "2-D lidar")
+IMU = _chassis("imu", chassis.Imu, 50, Qos.STREAM, "angular velocity and specific force")
+JACK = _chassis("jack", chassis.Jack, 5, Qos.STREAM, "jack state and progress")
+BATTERY = _chassis("battery", chassis.Battery, 1, Qos.STREAM, "charge, voltage, current")
+CONTACTS = _chassis("contacts", chassis.Contacts, 10, Qos.STREAM, "bumpers, charging contacts, cable, stop button")
+CHASSIS_MODEL = _chassis("model", chassis.ChassisModel, 0, Qos.LATCHED, "footprint and drive geometry")
+POSE = _chassis("pose", chassis.LocalisedPose, 25, Qos.STREAM, "localised pose in the map", publisher="localisation")
+CHASSIS_STATUS = _chassis("status", chassis.ChassisStatus, 0, Qos.LATCHED, "mode, stops, alerts", publisher="planner")
+COMMAND = _chassis("command", chassis.ChassisCommand, 25, Qos.COMMAND, "body velocity and jack", publisher="planner")
+
+PLANNING_STATE = Topic(
+    "moves/planning_state",
+    "rackhand/{robot}/moves/planning_state",
+    moves.PlanningState,
+    "planner",
+    5,
+    Qos.LATCHED,
+    "state of the current or last move",
+)
+PATH = Topic(
+    "moves/path", "rackhand/{robot}/moves/path", moves.PlannedPath, "planner", 5, Qos.LATCHED, "the path ahead"
+)
+MOVE_EVENT = Topic(
+    "moves/event", "rackhand/{robot}/moves/event", moves.MoveEvent, "planner", 0, Qos.EVENT, "what happened to a move"
+)
+MAP = Topic("map", "rackhand/{robot}/map", maps.CurrentMap, "planner", 0, Qos.LATCHED, "map in use, with overlays")
+
+CLOCK = Topic("clock", "rackhand/world/clock", world.Clock, "sim", 50, Qos.STREAM, "simulation time, speed, paused")
+OBJECTS = Topic("objects", "rackhand/world/objects", world.Objects, "sim", 25, Qos.STREAM, "true poses, for judges")
+SCENE = Topic("scene", "rackhand/world/scene", world.Scene, "sim", 0, Qos.LATCHED, "geometry as data, for viewers")
+
+MOVES = Query(
+    "moves/command",
+    "rackhand/{robot}/moves/command",
+    moves.MoveRequest,
+    moves.MoveReply,
+    "planner",
+    "gateway, anyone allowed",
+    "create, get, list, cancel moves",
+)
+CHASSIS_REQUEST = Query(
+    "chassis/request",
+    "rackhand/{robot}/chassis/request",
+    chassis.ChassisRequest,
+    chassis.Done,
+    "planner",
+    "gateway, anyone allowed",
+    "jack, control mode, emergency stop, remote twist, pose",
+)
+MAPS = Query(
+    "maps",
+    "rackhand/{robot}/maps",
+    maps.MapRequest,
+    maps.MapReply,
+    "planner",
+    "gateway, anyone allowed",
+    "the robot's map store and the choice of the current map",
+)
+WORLD_CONTROL = Query(
+    "world/control",
+    "rackhand/world/control",
+    world.WorldRequest,
+    world.WorldReply,
+    "sim",
+    "tests, users, participants",
+    "join, pause, advance, speed, reset, place, faults, inspect",
+)
+
+TOPICS: tuple[Topic[Any], ...] = (
+    ODOMETRY, SCAN, IMU, JACK, BATTERY, CONTACTS, CHASSIS_MODEL, POSE, CHASSIS_STATUS, COMMAND,
+    PLANNING_STATE, PATH, MOVE_EVENT, MAP, CLOCK, OBJECTS, SCENE,
+)  # fmt: skip
+QUERIES: tuple[Query[Any, Any], ...] = (MOVES, CHASSIS_REQUEST, MAPS, WORLD_CONTROL)
+
+__all__ = ["QUERIES", "TOPICS", "WORLD", "Qos", "Query", "Topic"]

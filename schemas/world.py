@@ -1,0 +1,176 @@
+"""What only a simulator has: the clock it drives, control of it, and the truth."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from schemas.base import Array, Message, Pose2, Quaternion, Stamp, Vec3
+
+
+class Clock(Message):
+    """Simulation time. ``run`` changes at every start and reset, when time begins anew at 0.
+
+    ``speed`` is the wanted ratio to wall time, ``None`` for as fast as possible; ``unix_ns`` is the unix
+    time of stamp 0.
+    """
+
+    stamp: Stamp
+    run: str
+    step_ns: int
+    speed: float | None
+    paused: bool
+    lockstep: bool
+    unix_ns: int
+
+
+class Join(Message):
+    """A participant declares itself: the driver waits for its commands, one each ``period_ns`` of stamps.
+
+    In lockstep the world stands still until the command that answers the present instant is there; running free it
+    lets nobody fall behind further than the freshness of commands allows. The declaration ends with the participant's
+    liveliness token, or with ``Leave``.
+    """
+
+    op: Literal["join"] = "join"
+    robot: str
+    service: str
+    period_ns: Annotated[int, Field(gt=0)]
+
+
+class Leave(Message):
+    op: Literal["leave"] = "leave"
+    robot: str
+    service: str
+
+
+class Pause(Message):
+    op: Literal["pause"] = "pause"
+    paused: bool
+
+
+class Advance(Message):
+    """Run a paused world for this long, then stand still again. Answered when it has arrived there."""
+
+    op: Literal["advance"] = "advance"
+    duration_ns: Annotated[int, Field(gt=0)]
+
+
+class SetSpeed(Message):
+    op: Literal["speed"] = "speed"
+    speed: Annotated[float, Field(gt=0, le=1000)] | None = Field(description="None: as fast as possible")
+
+
+class Reset(Message):
+    """Begin anew at time 0 with this seed (the present one if none is given)."""
+
+    op: Literal["reset"] = "reset"
+    seed: Annotated[int, Field(ge=0)] | None = None
+
+
+class Place(Message):
+    """Put an obstacle into the world, or move the one of that name. Sizes in metres: box l×w×h, cylinder r×h."""
+
+    op: Literal["place"] = "place"
+    name: str
+    kind: Literal["box", "cylinder", "person"] = "box"
+    pose: Pose2
+    size: Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)] = (0.4, 0.4, 0.4)
+    walk: tuple[Pose2, ...] = Field(default=(), strict=False, description="way-points it walks in a loop")
+    speed: Annotated[float, Field(ge=0)] = 0.0
+
+
+class Remove(Message):
+    op: Literal["remove"] = "remove"
+    name: str
+
+
+class MoveRobot(Message):
+    """Set a robot down elsewhere, at rest."""
+
+    op: Literal["move_robot"] = "move_robot"
+    robot: str
+    pose: Pose2
+
+
+class InjectFault(Message):
+    """Break something, or (``active=False``) mend it.
+
+    ``lidar_dead``: no scans. ``lidar_blind``: scans without a return. ``wheels_blocked``: the drive turns no wheel.
+    ``power_cable``, ``emergency_stop_button``: the switch closes. ``pose_lost``: no localised pose.
+    """
+
+    op: Literal["fault"] = "fault"
+    robot: str
+    fault: Literal["lidar_dead", "lidar_blind", "wheels_blocked", "power_cable", "emergency_stop_button", "pose_lost"]
+    active: bool = True
+
+
+class Inspect(Message):
+    """Ask for the state of the world: time, digest, contacts, participants."""
+
+    op: Literal["inspect"] = "inspect"
+
+
+class WorldRequest(Message):
+    request: Annotated[
+        Join | Leave | Pause | Advance | SetSpeed | Reset | Place | Remove | MoveRobot | InjectFault | Inspect,
+        Field(discriminator="op"),
+    ]
+
+
+class Contact(Message):
+    """A robot's body touched something that is neither floor nor its own: when, who, what, and how hard (N)."""
+
+    stamp: Stamp
+    robot: str
+    other: str
+    force: float
+
+
+class WorldReply(Message):
+    """How the world stands. ``digest`` is a hash over the stamped states since the run began.
+
+    ``contacts`` lists the first 1,000 begun contacts since then; ``contact_count`` counts all.
+    """
+
+    clock: Clock
+    seed: int
+    digest: str
+    contact_count: int
+    contacts: tuple[Contact, ...] = Field(strict=False)
+    participants: tuple[str, ...] = Field(strict=False)
+    command_stamps: dict[str, int] = Field(description="robot -> stamp of the instant its newest command answers")
+
+
+class ObjectPose(Message):
+    name: str
+    position: Vec3
+    orientation: Quaternion
+
+
+class Objects(Message):
+    """True poses of all that moves: for viewers and judges only."""
+
+    stamp: Stamp
+    objects: tuple[ObjectPose, ...] = Field(strict=False)
+
+
+class SceneGeom(Message):
+    """One primitive in its body's frame. Sizes: box half-lengths, sphere r, cylinder and capsule r and half-length."""
+
+    body: str
+    shape: Literal["plane", "box", "sphere", "cylinder", "capsule", "ellipsoid", "mesh"]
+    size: Vec3
+    position: Vec3
+    orientation: Quaternion
+    rgba: Annotated[np.ndarray, Array("<f4", (4,))]
+
+
+class Scene(Message):
+    """The world's geometry as data, so that a viewer needs no physics. Body ``world`` does not move; latched."""
+
+    stamp: Stamp
+    geoms: tuple[SceneGeom, ...] = Field(strict=False)
