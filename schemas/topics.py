@@ -33,7 +33,7 @@ class Qos(Enum):
 
 @dataclass(frozen=True)
 class Topic(Generic[M]):
-    """A published topic. ``key`` has ``{robot}`` where its name goes; rates are Hz of simulation time, 0 = on change."""
+    """A published topic. ``key`` has ``{robot}`` where its name goes; rates in Hz of simulation time, 0 = on change."""
 
     name: str
     key: str
