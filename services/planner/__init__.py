@@ -1,0 +1,1 @@
+"""Moves of one chassis: from requests to paths to velocities."""
