@@ -1,0 +1,19 @@
+"""What goes wrong outside a move: requests that are refused, and a store that cannot be used."""
+
+from __future__ import annotations
+
+
+class RequestRefused(Exception):  # noqa: N818 - it is an answer, not a fault
+    """A request that is not carried out. ``code`` is one of ``schemas.chassis.Refusal``; the text says why."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(f"{code}: {text}")
+        self.code = code
+        self.text = text
+
+
+class StoreError(Exception):
+    """The store file cannot be used: foreign, corrupt, newer, of another robot, or held by another planner.
+
+    Nothing in the file was changed.
+    """
