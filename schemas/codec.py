@@ -19,7 +19,7 @@ _encoder = msgspec.msgpack.Encoder()
 _decoder = msgspec.msgpack.Decoder()
 
 
-class MalformedMessage(ValueError):  # noqa: N818 - it names the thing that arrived
+class MalformedMessage(ValueError):
     """Bytes that are not the message they should be: truncated, wrong type, length or version, not finite.
 
     The text says what was expected and, where one is to blame, which field.
@@ -74,8 +74,13 @@ class Codec(Generic[M]):
             )
 
 
-@cache
 def codec_for(model: type[M]) -> Codec[M]:
+    """The one codec of a model: its schema is hashed once."""
+    return _codec_for(model)
+
+
+@cache
+def _codec_for(model: Any) -> Codec[Any]:
     return Codec(model)
 
 

@@ -15,7 +15,7 @@ from schemas.maps import MapData
 from schemas.moves import StuckState
 
 
-class MoveFailed(Exception):  # noqa: N818 - it is what happened, and becomes the move's record
+class MoveFailed(Exception):
     """A move cannot go on: the reason clients get as a number, and the text that says what, where and by how much."""
 
     def __init__(self, reason: MoveFailReason, text: str) -> None:

@@ -1,0 +1,276 @@
+"""One queue for everything a service hears, so that its whole life is one loop over events."""
+
+from __future__ import annotations
+
+import asyncio
+import queue
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import AsyncIterator, Callable, Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+
+from bus.log import get_logger
+from schemas.base import Message
+from schemas.chassis import Refusal
+from schemas.codec import MalformedMessage, codec_for
+from schemas.service import ALIVE_EVERYWHERE, ServiceId
+from schemas.topics import Qos, Query, Topic
+
+if TYPE_CHECKING:
+    from bus.session import Bus
+
+log = get_logger(__name__)
+
+# How many unread samples of one subscription are kept; beyond it the oldest go, counted.
+DEPTH = {Qos.STREAM: 16, Qos.COMMAND: 64, Qos.EVENT: 1024, Qos.LATCHED: 16}
+MAX_REQUESTS = 256
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A message that was published."""
+
+    topic: Topic[Any]
+    robot: str
+    message: Any
+
+
+class Request:
+    """A query that waits for its one answer: ``reply`` or ``refuse``. Dropped unanswered, it is refused as internal."""
+
+    def __init__(self, query: Query[Any, Any], robot: str, message: Any, pending: zenoh.Query) -> None:
+        self.query = query
+        self.robot = robot
+        self.message = message
+        self._pending: zenoh.Query | None = pending
+
+    def reply(self, message: Message) -> None:
+        codec = codec_for(type(message))
+        try:
+            payload = codec.dumps(message)
+        except MalformedMessage as error:
+            return self.refuse("internal", str(error))
+        if pending := self._take():
+            with pending:
+                pending.reply(pending.key_expr, payload, encoding=codec.encoding)
+        return None
+
+    def refuse(self, code: str, text: str) -> None:
+        if pending := self._take():
+            refuse(pending, code, text)
+
+    def _take(self) -> zenoh.Query | None:
+        pending, self._pending = self._pending, None
+        return pending
+
+    def __del__(self) -> None:
+        self.refuse("internal", "the service dropped the request")
+
+
+@dataclass(frozen=True)
+class Presence:
+    """A service came (``alive``) or went."""
+
+    service: ServiceId
+    alive: bool
+
+
+Event = Sample | Request | Presence
+
+
+def refuse(pending: zenoh.Query, code: str, text: str) -> None:
+    codec = codec_for(Refusal)
+    try:
+        with pending:
+            pending.reply_err(codec.dumps(Refusal(code=code, text=text)), encoding=codec.encoding)
+    except zenoh.ZError:
+        log.debug("a refusal could not be sent: the caller or the session is gone", code=code)
+
+
+class _Source:
+    """One subscription's unread items. A token in the inbox's queue stands for each of them."""
+
+    def __init__(self, depth: int, decode: Callable[[Any], Event | None]) -> None:
+        self.items: deque[Any] = deque(maxlen=depth)
+        self.lock = threading.Lock()
+        self.decode = decode
+        self.dropped = 0
+
+    def push(self, item: Any) -> bool:
+        """True if the item needs a token: it did not push out an older one."""
+        with self.lock:
+            full = len(self.items) == self.items.maxlen
+            self.dropped += full
+            self.items.append(item)
+            return not full
+
+    def pop(self) -> Any:
+        with self.lock:
+            return self.items.popleft()
+
+
+class Inbox:
+    """Everything that was subscribed to, in order of arrival. One reader; iteration ends when the bus stops.
+
+    Zenoh's threads only put raw samples here: decoding, and so every cost and every error, is in the reader's thread,
+    and a slow reader never holds up another topic.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._tokens: queue.SimpleQueue[_Source | None] = queue.SimpleQueue()
+        self._sources: list[_Source] = []
+        self._handles: list[Any] = []
+        self._alive: dict[str, bool] = {}
+        self._wake: Callable[[], object] | None = None
+        self._stopped = False
+        self.malformed: Counter[str] = Counter()
+
+    @property
+    def dropped(self) -> int:
+        """Samples that newer ones pushed out before they were read."""
+        return sum(source.dropped for source in self._sources)
+
+    def subscribe(self, topic: Topic[Any], robot: str = "*", depth: int | None = None) -> Inbox:
+        codec = codec_for(topic.model)
+
+        def decode(sample: zenoh.Sample) -> Event | None:
+            try:
+                message = codec.loads(sample.payload.to_bytes(), str(sample.encoding))
+            except MalformedMessage as error:
+                self._count_malformed(topic.name, error)
+                return None
+            return Sample(topic, robot_of(sample), message)
+
+        source = self._add_source(depth or DEPTH[topic.qos], decode)
+        key = topic.key_for(robot)
+        self._handles.append(self._bus.declare_subscriber(key, topic.qos, self._pusher(source)))
+        return self
+
+    def serve(self, query: Query[Any, Any], robot: str) -> Inbox:
+        codec = codec_for(query.request)
+
+        def decode(pending: zenoh.Query) -> Event | None:
+            payload = pending.payload.to_bytes() if pending.payload is not None else b""
+            try:
+                message = codec.loads(payload, str(pending.encoding) if pending.encoding is not None else None)
+            except MalformedMessage as error:
+                refuse(pending, "malformed", str(error))
+                self._count_malformed(query.name, error)
+                return None
+            return Request(query, robot, message, pending)
+
+        source = self._add_source(MAX_REQUESTS, decode)
+        push = self._pusher(source)
+
+        def push_or_refuse(pending: zenoh.Query) -> None:
+            if len(source.items) >= MAX_REQUESTS:
+                return refuse(pending, "unavailable", f"more than {MAX_REQUESTS} requests are waiting")
+            return push(pending)
+
+        self._handles.append(self._bus.declare_queryable(query.key_for(robot), push_or_refuse))
+        return self
+
+    def watch_services(self) -> Inbox:
+        """Hear of every service that comes or goes, those already there included."""
+
+        def decode(change: tuple[str, bool]) -> Event | None:
+            key, alive = change
+            if self._alive.get(key, False) == alive:  # a token may be told twice
+                return None
+            self._alive[key] = alive
+            return Presence(ServiceId.from_key(key), alive)
+
+        source = self._add_source(1024, decode)
+        push = self._pusher(source)
+
+        def changed(sample: zenoh.Sample) -> None:
+            push((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
+
+        self._handles.append(self._bus.declare_liveliness_subscriber(ALIVE_EVERYWHERE, changed))
+        return self
+
+    def get(self, timeout: float | None = None) -> Event | None:
+        """The next event; None after ``timeout`` seconds of wall time without one, or when the bus stops."""
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while not self._stopped:
+            try:
+                source = self._tokens.get(timeout=None if deadline is None else max(0.0, deadline - time.monotonic()))
+            except queue.Empty:
+                return None
+            if source is None:
+                self._stopped = True
+            elif (event := source.decode(source.pop())) is not None:
+                return event
+        return None
+
+    def __iter__(self) -> Iterator[Event]:
+        while (event := self.get()) is not None:
+            yield event
+
+    async def stream(self) -> AsyncIterator[Event]:
+        """The asyncio twin of iterating: many arrivals wake the loop once."""
+        loop, arrived = asyncio.get_running_loop(), asyncio.Event()
+        self._wake = lambda: loop.call_soon_threadsafe(arrived.set)
+        try:
+            while not self._stopped:
+                arrived.clear()
+                while (event := self.get(timeout=0)) is not None:
+                    yield event
+                if not self._stopped:
+                    await arrived.wait()
+        finally:
+            self._wake = None
+
+    def stop(self) -> None:
+        """End iteration. May be called from a signal handler and from any thread."""
+        self._tokens.put(None)
+        self._wake_reader()
+
+    def close(self) -> None:
+        self.stop()
+        for handle in self._handles:
+            handle.undeclare()
+        self._handles.clear()
+
+    def __enter__(self) -> Inbox:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _add_source(self, depth: int, decode: Callable[[Any], Event | None]) -> _Source:
+        source = _Source(depth, decode)
+        self._sources.append(source)
+        return source
+
+    def _pusher(self, source: _Source) -> Callable[[Any], None]:
+        def push(item: Any) -> None:
+            if source.push(item):
+                self._tokens.put(source)
+            self._wake_reader()
+
+        return push
+
+    def _wake_reader(self) -> None:
+        if (wake := self._wake) is not None:
+            try:
+                wake()
+            except RuntimeError:  # the reader's event loop is closed: nobody is left to wake
+                self._wake = None
+
+    def _count_malformed(self, name: str, error: MalformedMessage) -> None:
+        self.malformed[name] += 1
+        if self.malformed[name] == 1:
+            log.warning("malformed message dropped; further ones are only counted", topic=name, error=str(error))
+
+
+def robot_of(sample: zenoh.Sample) -> str:
+    return str(sample.key_expr).split("/", 2)[1]

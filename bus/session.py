@@ -1,0 +1,204 @@
+"""The session: publishers, calls, presence."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+from collections.abc import Callable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeout
+from types import FrameType, TracebackType
+from typing import Any, Generic, TypeVar
+
+import zenoh
+import zenoh.ext
+
+from bus.config import BusConfig
+from bus.errors import CallTimeout, Refused, Unavailable
+from bus.inbox import Inbox
+from schemas.base import Message
+from schemas.chassis import Refusal
+from schemas.codec import Codec, MalformedMessage, codec_for
+from schemas.service import WORLD, ServiceId
+from schemas.topics import Qos, Query, Topic
+
+M = TypeVar("M", bound=Message)
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
+
+_REFUSAL = codec_for(Refusal)
+# One priority for all that must keep its order; commands overtake data.
+_PRIORITY = dict.fromkeys(Qos, zenoh.Priority.DATA) | {Qos.COMMAND: zenoh.Priority.DATA_HIGH}
+
+
+# Zenoh tells a late joiner's copy from the live one by sequence numbers, or else by timestamps, which are off here.
+_NUMBERED = {"sample_miss_detection": zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)}
+
+
+class Publisher(Generic[M]):
+    """Publishes one topic of one robot."""
+
+    def __init__(self, topic: Topic[M], publisher: Any) -> None:
+        self._codec = codec_for(topic.model)
+        self._publisher = publisher
+
+    def put(self, message: M) -> None:
+        """Send it to whoever listens. Never waits for a reader of a stream; raises ``MalformedMessage``."""
+        payload = self._codec.dumps(message)
+        with contextlib.suppress(zenoh.ZError):  # the session is closing: there is nobody to tell
+            self._publisher.put(payload)
+
+
+class Bus:
+    """One service's connection. Use as a context manager: a session left open would keep the process alive for ever."""
+
+    def __init__(self, service: ServiceId, config: BusConfig | None = None) -> None:
+        self.service = service
+        self._config = config or BusConfig()
+        self._inboxes: list[Inbox] = []
+        self._handles: list[Any] = []
+        self.stopping = False
+
+    def __enter__(self) -> Bus:
+        self._session = zenoh.open(self._config.zenoh_config())
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+        for inbox in self._inboxes:
+            inbox.close()
+        for handle in self._handles:
+            handle.undeclare()
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    # -- publish, subscribe ------------------------------------------------------------------------------------------
+
+    def publisher(self, topic: Topic[M], robot: str = WORLD) -> Publisher[M]:
+        options: dict[str, Any] = {
+            "encoding": codec_for(topic.model).encoding,
+            "priority": _PRIORITY[topic.qos],
+            "congestion_control": zenoh.CongestionControl.DROP
+            if topic.qos is Qos.STREAM
+            else zenoh.CongestionControl.BLOCK,
+            "express": topic.qos in (Qos.STREAM, Qos.COMMAND),
+        }
+        key = topic.key_for(robot)
+        if topic.qos is Qos.LATCHED:
+            publisher: Any = zenoh.ext.declare_advanced_publisher(
+                self._session, key, cache=zenoh.ext.CacheConfig(1), publisher_detection=True, **_NUMBERED, **options
+            )
+        else:
+            publisher = self._session.declare_publisher(key, **options)
+        self._handles.append(publisher)
+        return Publisher(topic, publisher)
+
+    def inbox(self) -> Inbox:
+        """A new queue of events; see ``Inbox``."""
+        inbox = Inbox(self)
+        self._inboxes.append(inbox)
+        return inbox
+
+    # -- query -------------------------------------------------------------------------------------------------------
+
+    def call(self, query: Query[Q, R], request: Q, robot: str = WORLD, timeout: float = 2.0) -> R:
+        """Ask and wait. Raises ``Refused``, ``Unavailable`` (at once when nobody serves it) or ``CallTimeout``."""
+        future, cancel = self._ask(query, request, robot, timeout)
+        try:
+            replies = future.result(timeout + 0.5)
+        except FutureTimeout:
+            cancel()
+            raise CallTimeout(f"{query.name} of {robot} did not answer within {timeout} s") from None
+        return self._answer(query, robot, timeout, replies)
+
+    async def acall(self, query: Query[Q, R], request: Q, robot: str = WORLD, timeout: float = 2.0) -> R:
+        """The asyncio twin of ``call``; cancelling the task cancels the query."""
+        future, cancel = self._ask(query, request, robot, timeout)
+        try:
+            replies = await asyncio.wait_for(asyncio.wrap_future(future), timeout + 0.5)
+        except (TimeoutError, asyncio.CancelledError) as error:
+            await asyncio.get_running_loop().run_in_executor(None, cancel)
+            if isinstance(error, TimeoutError):
+                raise CallTimeout(f"{query.name} of {robot} did not answer within {timeout} s") from None
+            raise
+        return self._answer(query, robot, timeout, replies)
+
+    def _ask(
+        self, query: Query[Q, R], request: Q, robot: str, timeout: float
+    ) -> tuple[Future[list[zenoh.Reply]], Callable[[], None]]:
+        codec = codec_for(query.request)
+        payload = codec.dumps(request)
+        future: Future[list[zenoh.Reply]] = Future()
+        replies: list[zenoh.Reply] = []
+        token = zenoh.CancellationToken()
+
+        def done() -> None:
+            if future.set_running_or_notify_cancel():
+                future.set_result(replies)
+
+        self._session.get(
+            query.key_for(robot),
+            zenoh.handlers.Callback(replies.append, done, indirect=False),
+            payload=payload,
+            encoding=codec.encoding,
+            timeout=timeout,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            cancellation_token=token,
+        )
+        return future, token.cancel
+
+    def _answer(self, query: Query[Q, R], robot: str, timeout: float, replies: list[zenoh.Reply]) -> R:
+        codec: Codec[R] = codec_for(query.reply)
+        for reply in replies:
+            if reply.ok is not None:
+                return codec.loads(reply.ok.payload.to_bytes(), str(reply.ok.encoding))
+        if not replies:
+            raise Unavailable(f"nobody serves {query.name} of {robot}")
+        error = replies[0].err
+        if error is None or str(error.encoding) != _REFUSAL.encoding:  # Zenoh's own error: time is up
+            raise CallTimeout(f"{query.name} of {robot} did not answer within {timeout} s")
+        try:
+            refusal = _REFUSAL.loads(error.payload.to_bytes())
+        except MalformedMessage as malformed:
+            raise Refused("internal", str(malformed)) from None
+        raise Refused(refusal.code, refusal.text)
+
+    # -- presence ----------------------------------------------------------------------------------------------------
+
+    def announce(self) -> None:
+        """Tell everyone that this service is ready, until it ends in whatever way."""
+        self._handles.append(self._session.liveliness().declare_token(self.service.key))
+
+    def stop(self) -> None:
+        """End the iteration of every inbox. May be called from a signal handler and from any thread."""
+        self.stopping = True
+        for inbox in self._inboxes:
+            inbox.stop()
+
+    def handle_signals(self) -> None:
+        """Let SIGTERM and SIGINT end the inboxes' iteration, so that the process ends by returning."""
+
+        def stop(_signum: int, _frame: FrameType | None) -> None:
+            self.stop()
+
+        signal.signal(signal.SIGTERM, stop)
+        signal.signal(signal.SIGINT, stop)
+
+    # -- for the inbox -----------------------------------------------------------------------------------------------
+
+    def declare_subscriber(self, key: str, qos: Qos, push: Callable[[zenoh.Sample], None]) -> Any:
+        # Direct callbacks run in the order of arrival on the link, across topics; all they do is put into a queue.
+        handler = zenoh.handlers.Callback(push, indirect=False)
+        if qos is Qos.LATCHED:
+            history = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+            return zenoh.ext.declare_advanced_subscriber(self._session, key, handler, history=history)
+        return self._session.declare_subscriber(key, handler)
+
+    def declare_queryable(self, key: str, push: Callable[[zenoh.Query], None]) -> Any:
+        return self._session.declare_queryable(key, zenoh.handlers.Callback(push, indirect=False), complete=True)
+
+    def declare_liveliness_subscriber(self, key: str, push: Callable[[zenoh.Sample], None]) -> Any:
+        handler = zenoh.handlers.Callback(push, indirect=False)
+        return self._session.liveliness().declare_subscriber(key, handler, history=True)
