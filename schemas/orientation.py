@@ -8,16 +8,50 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, Strict, model_serializer, model_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    PlainSerializer,
+    Strict,
+    model_serializer,
+    model_validator,
+)
 from pydantic.alias_generators import to_pascal
 
 from schemas.base import Message
-from schemas.crf_types import CrfFloat, CrfVec3
 
 Matrix3 = np.ndarray[tuple[int, int], np.dtype[np.float64]]
+
+_NON_FINITE = {"inf": math.inf, "-inf": -math.inf, "NaN": math.nan, "nan": math.nan}
+
+
+def _read_number(value: Any) -> Any:
+    """CRF's number: JSON has none for the non-finite ones, so they are strings."""
+    if isinstance(value, str) and value in _NON_FINITE:
+        return _NON_FINITE[value]
+    # An integer beyond the range of a double stays one, and is refused as no number.
+    return float(value) if type(value) is int and abs(value) < 2**1000 else value
+
+
+def _write_number(value: float) -> float | str:
+    if math.isfinite(value):
+        return value
+    return "NaN" if math.isnan(value) else ("inf" if value > 0 else "-inf")
+
+
+CrfFloat = Annotated[
+    float,
+    Field(allow_inf_nan=True),
+    BeforeValidator(_read_number, json_schema_input_type=float | Literal["inf", "-inf", "NaN"]),
+    PlainSerializer(_write_number, return_type=float | str),
+]
+CrfVec3 = Annotated[tuple[CrfFloat, CrfFloat, CrfFloat], Strict(False)]
+CrfVec6 = Annotated[tuple[CrfFloat, CrfFloat, CrfFloat, CrfFloat, CrfFloat, CrfFloat], Strict(False)]
 
 TOLERANCE = 1e-6
 """How far a quaternion or a matrix may be from a rotation: CRF's 1e-12 refuses ordinary rounded input."""
@@ -35,6 +69,9 @@ class Representation(IntEnum):
 
 class _Form(Message):
     model_config = ConfigDict(alias_generator=to_pascal, validate_by_name=True, serialize_by_alias=True)
+
+    def numbers(self) -> list[float]:
+        return [float(n) for _, value in self for n in (value if isinstance(value, tuple) else (value,))]
 
 
 class QuaternionForm(_Form):
@@ -136,9 +173,7 @@ class CardanForm(_Form):
         y = math.atan2(-rotation[2, 0], level)
         if level < 1e-9:
             return cls(x=math.atan2(-rotation[1, 2], rotation[1, 1]), y=y, z=0.0)
-        return cls(
-            x=math.atan2(rotation[2, 1], rotation[2, 2]), y=y, z=math.atan2(rotation[1, 0], rotation[0, 0])
-        )
+        return cls(x=math.atan2(rotation[2, 1], rotation[2, 2]), y=y, z=math.atan2(rotation[1, 0], rotation[0, 0]))
 
 
 class EulerForm(_Form):
@@ -158,9 +193,7 @@ class EulerForm(_Form):
         x = math.atan2(tilt, rotation[2, 2])
         if tilt < 1e-9:
             return cls(z1=0.0, x=x, z2=math.atan2(rotation[1, 0], rotation[0, 0]))
-        return cls(
-            z1=math.atan2(rotation[2, 0], rotation[2, 1]), x=x, z2=math.atan2(rotation[0, 2], -rotation[1, 2])
-        )
+        return cls(z1=math.atan2(rotation[2, 0], rotation[2, 1]), x=x, z2=math.atan2(rotation[0, 2], -rotation[1, 2]))
 
 
 Form = QuaternionForm | MatrixForm | AngleAxisForm | CardanForm | EulerForm
@@ -242,16 +275,16 @@ class TaskPose(Message):
     @property
     def finite(self) -> bool:
         """Whether every number is finite: NaN means "no preference" in configurations and is no target."""
-        return bool(np.isfinite(self.position).all() and np.isfinite(self.orientation.rotation()).all())
+        return all(math.isfinite(number) for number in (*self.position, *self.orientation.form.numbers()))
 
 
 class _LegacyPose(Message):
-    data: Annotated[tuple[CrfFloat, CrfFloat, CrfFloat, CrfFloat, CrfFloat, CrfFloat], Strict(False)]
+    data: CrfVec6
     representation: Annotated[int, Field(ge=1, le=1)]
 
 
 def quaternion(rotation: Matrix3) -> tuple[float, float, float, float]:
-    """Unit quaternion (w, x, y, z) of a rotation matrix with w ≥ 0, divided by its largest component (Shepperd 1978)."""
+    """Unit quaternion (w, x, y, z) of a rotation matrix, w ≥ 0, from its largest component (Shepperd 1978)."""
     m = rotation
     # Four times the products of the components: row i holds q_i · (w, x, y, z).
     products = np.array(

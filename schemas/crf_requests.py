@@ -1,0 +1,216 @@
+"""The requests of the CRF motion protocol (seed 002; spec motion-controller §1–§6), flat as they are on the wire.
+
+Fields that CRF does not have are optional and marked "extension": every CRF message is valid without them.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, ConfigDict, Field, Strict, model_validator
+from pydantic.alias_generators import to_camel
+
+from schemas.base import Message
+from schemas.orientation import CrfFloat, TaskPose
+
+MAX_PRIORITY = 2**32 - 1
+
+
+def _whole(value: Any) -> Any:
+    """Clients whose language has one number type write 10 as 10.0."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+CrfInt = Annotated[int, BeforeValidator(_whole)]
+Priority = Annotated[CrfInt, Field(ge=1, le=MAX_PRIORITY, description="1 is the highest")]
+CrfVector = Annotated[tuple[CrfFloat, ...], Strict(False)]
+
+
+class CrfMessage(Message):
+    model_config = ConfigDict(alias_generator=to_camel, validate_by_name=True, serialize_by_alias=True)
+
+
+class User(CrfMessage):
+    """Who is asking, for the log."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    name: str
+    role: str
+
+
+class Request(CrfMessage):
+    """What every request may carry. Unknown fields are ignored, as CRF does."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    command: str
+    id: Any = Field(None, description="any JSON; comes back in the answer")
+    user: User | None = None
+    client: Annotated[str, Field(max_length=128)] | None = Field(
+        None, description="extension: a name of the client that outlives its connection; asks for the lease in replies"
+    )
+
+
+class ControlRequest(Request):
+    """A request that needs control of the arm, and takes it if nobody with a smaller number holds it.
+
+    ``leaseId`` and ``epoch`` (extensions) are the fencing token of the grant the command belongs to.
+    """
+
+    priority: Priority
+    lease_id: CrfInt | None = None
+    epoch: Annotated[str, Field(max_length=64)] | None = None
+    takeover: Literal["stop", "continue"] = Field(
+        "stop", description="extension: at a change of holder, stop and clear first, or go on with what is running"
+    )
+
+
+class LockControl(Request):
+    command: Literal["lockControl"]
+    priority: Priority
+    keep_alive: CrfFloat | None = Field(None, description="extension: seconds until the lock expires unrefreshed")
+    on_loss: Literal["softStop", "finishPath", "hold"] | None = Field(
+        None, description="extension: what a lost holder's motion does"
+    )
+    takeover: Literal["stop", "continue"] = "stop"
+    force: bool = Field(False, description="extension: take control from a smaller number; needs a role")
+
+
+class UnlockControl(Request):
+    command: Literal["unlockControl"]
+    priority: Priority
+
+
+class ResumeControl(ControlRequest):
+    """Extension: lifts the latch that another client's stop has set."""
+
+    command: Literal["resumeControl"]
+
+
+class AppendJointsPath(ControlRequest):
+    command: Literal["appendPath"]
+    type: Literal["joints"]
+    data: Annotated[tuple[CrfVector, ...], Strict(False)]
+
+
+class AppendTaskPath(ControlRequest):
+    """``method`` 1 joint-space, 2 task-space trajectory; ``reference`` 1 robot base, 2 TCP as it is at the call."""
+
+    command: Literal["appendPath"]
+    type: Literal["task"]
+    data: Annotated[tuple[TaskPose, ...], Strict(False)]
+    method: CrfInt
+    reference: CrfInt
+
+
+class _Signal(ControlRequest):
+    type: Literal["joints", "task"]
+    data: CrfVector
+
+    @model_validator(mode="after")
+    def _six(self) -> Self:
+        if self.type == "task" and len(self.data) != 6:
+            raise ValueError(f"data has {len(self.data)} numbers, a task vector has 6")
+        return self
+
+
+class _Stream(_Signal):
+    """A reference that dies 100 ms after its last refresh. The extensions let late and replayed samples be told."""
+
+    reference: CrfInt | None = Field(None, description="mandatory for task: 1 robot base, 2 TCP at reception")
+    sequence: CrfInt | None = Field(None, description="extension: grows from sample to sample")
+    stamp: CrfInt | None = Field(None, description="extension: ns of world/clock the sample answers")
+    timeout: CrfFloat | None = Field(None, description="extension: seconds until this sample dies, at most 0.1")
+
+    @model_validator(mode="after")
+    def _referenced(self) -> Self:
+        if self.type == "task" and self.reference is None:
+            raise ValueError("reference is missing: 1 robot base, 2 TCP")
+        return self
+
+
+class SetVelocity(_Stream):
+    command: Literal["setVelocity"]
+
+
+class SetTorque(_Stream):
+    command: Literal["setTorque"]
+
+
+class SetProfileVelocity(_Signal):
+    command: Literal["setProfileVelocity"]
+
+
+class SetProfileAcceleration(_Signal):
+    command: Literal["setProfileAcceleration"]
+
+
+class _Stop(Request):
+    """A stop is taken from anyone; ``priority`` counts under ``strictCrf`` only."""
+
+    priority: Priority | None = None
+
+
+class SoftStop(_Stop):
+    command: Literal["softStop"]
+
+
+class HardStop(_Stop):
+    command: Literal["hardStop"]
+
+
+class SetParameters(ControlRequest):
+    """``data`` stays raw here: its content is refused with an ``expected``, not with an error."""
+
+    command: Literal["setParameters"]
+    data: dict[str, Any]
+
+
+class StartJointsControl(ControlRequest):
+    command: Literal["startJointsControl", "startJointsControlLoop"]
+
+
+class StartTaskControl(ControlRequest):
+    command: Literal["startTaskControl", "startTaskControlLoop"]
+
+
+class GetStatus(Request):
+    command: Literal["getStatus"]
+
+
+class GetConfiguration(Request):
+    command: Literal["getConfiguration"]
+
+
+class StartStreamStatus(Request):
+    """``mode`` 1 at the frequency (Hz), 2 only when something changed."""
+
+    command: Literal["startStreamStatus"]
+    frequency: CrfFloat
+    mode: CrfInt = 1
+
+
+class StopStreamStatus(Request):
+    command: Literal["stopStreamStatus"]
+
+
+class StartHeartbeat(Request):
+    command: Literal["startHeartbeat"]
+    period: CrfFloat = Field(description="seconds")
+
+
+class Heartbeat(Request):
+    command: Literal["heartbeat"]
+
+
+class StopHeartbeat(Request):
+    command: Literal["stopHeartbeat"]
+
+
+REQUESTS: tuple[type[Request], ...] = (
+    LockControl, UnlockControl, ResumeControl, AppendJointsPath, AppendTaskPath, SetVelocity, SetTorque,
+    SetProfileVelocity, SetProfileAcceleration, SoftStop, HardStop, SetParameters, StartJointsControl,
+    StartTaskControl, GetStatus, GetConfiguration, StartStreamStatus, StopStreamStatus, StartHeartbeat, Heartbeat,
+    StopHeartbeat,
+)  # fmt: skip

@@ -1,0 +1,330 @@
+"""The CRF motion protocol apart from its requests (seed 002; spec motion-controller §1–§6), and what an arm
+and its controller say to each other.
+
+Field names are Python's; the wire has CRF's spelling (``priorityUnderControl``, ``JointLimits``) through aliases.
+SI units: m, rad, s, N, N·m. Task vectors are linear xyz, then angular xyz. Fields that CRF does not have are optional
+and marked "extension": every CRF message is valid without them.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Annotated, Any, Generic, Literal, Self, TypeVar
+
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    Strict,
+    model_serializer,
+    model_validator,
+)
+from pydantic.alias_generators import to_pascal
+
+from schemas.base import Message, Stamp, Vec3, Vec6
+from schemas.crf import CrfCode
+from schemas.crf_requests import CrfInt, CrfMessage, CrfVector
+from schemas.orientation import CrfVec6, TaskPose
+
+T = TypeVar("T")
+
+Numbers = Annotated[tuple[float, ...], Strict(False)]
+
+
+class _Pascal(Message):
+    model_config = ConfigDict(alias_generator=to_pascal, validate_by_name=True, serialize_by_alias=True)
+
+
+class RefusalDetail(IntEnum):
+    """The ``detail`` of a refusal that CRF has no code for. CRF's own refusals keep 0."""
+
+    NONE = 0
+    HELD_BY_EQUAL = 1
+    STOP_LATCHED = 2
+    PRIORITY_RESERVED = 3
+    STALE_LEASE = 4
+    STALE_SAMPLE = 5
+
+
+# -- answers ----------------------------------------------------------------------------------------------------------
+
+
+class Expected(CrfMessage, Generic[T]):
+    """CRF's ``expected<T>``: a code with the value, if there is one. ``detail`` is 0 or a ``RefusalDetail``."""
+
+    value: T | None = None
+    code: CrfInt
+    detail: CrfInt = 0
+
+    @model_serializer(mode="wrap")
+    def _without_absent_value(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: item for key, item in handler(self).items() if key != "value" or item is not None}
+
+    @classmethod
+    def of(cls, value: T) -> Self:
+        return cls(value=value, code=CrfCode.OK)
+
+    @classmethod
+    def failed(cls, code: int, detail: int = 0) -> Self:
+        return cls(code=int(code), detail=detail)
+
+
+class Reply(CrfMessage):
+    """What CRF answers with: a reply, an error (``replyCommand`` "error") or an event (no ``id``).
+
+    ``text``, ``leaseId``, ``epoch`` and ``keepAlive`` are extensions: why a command was refused, and what a named
+    client was granted.
+    """
+
+    command: Literal["reply"] = "reply"
+    reply_command: str
+    message: Any
+    id: Any = None
+    text: str | None = None
+    lease_id: int | None = None
+    epoch: str | None = None
+    keep_alive: float | None = None
+
+
+# -- status, configuration, parameters --------------------------------------------------------------------------------
+
+_STATUS_WORDS = {"initialized": "initialize", "deinitialized": "deinitialize"}
+
+
+class Holder(CrfMessage):
+    """Extension: who holds control. ``leaseAge`` in seconds since the last refresh."""
+
+    client: str
+    priority: int
+    lease_id: int
+    lease_age: float
+
+
+class MotionStatus(CrfMessage):
+    """The answer to ``getStatus`` and the content of a ``streamStatus`` event."""
+
+    status: Annotated[
+        Literal["initialize", "deinitialize"],
+        BeforeValidator(lambda word: _STATUS_WORDS.get(word, word) if isinstance(word, str) else word),
+    ]
+    priority_under_control: int
+    is_trajectory_running: Expected[bool]
+    controller_status: Annotated[tuple[int, ...], Strict(False)]
+    joint_positions: Expected[CrfVector]
+    joint_velocities: Expected[CrfVector]
+    joint_accelerations: Expected[CrfVector]
+    joint_force_torques: Expected[CrfVector]
+    task_pose: Expected[TaskPose]
+    task_velocity: Expected[CrfVec6]
+    task_acceleration: Expected[CrfVec6]
+    task_force_torque: Expected[CrfVec6]
+    stamp: Stamp | None = Field(None, description="extension: ns of world/clock")
+    epoch: str | None = Field(None, description="extension: changes when the controller restarts")
+    holder: Holder | None = Field(None, description="extension")
+    stopped_by: str | None = Field(None, description="extension: the client whose stop is latched")
+
+    @model_validator(mode="after")
+    def _sorted(self) -> Self:
+        if list(self.controller_status) != sorted(set(self.controller_status)):
+            raise ValueError("controllerStatus is ascending without duplicates")
+        return self
+
+
+class TaskSpace(_Pascal):
+    """Which of the six task dimensions are used."""
+
+    vx: bool = True
+    vy: bool = True
+    vz: bool = True
+    wx: bool = True
+    wy: bool = True
+    wz: bool = True
+
+
+class JointLimits(_Pascal):
+    max_position: CrfVector
+    min_position: CrfVector
+    max_velocity: CrfVector
+    max_acceleration: CrfVector
+    max_torque: CrfVector
+
+
+class TaskLimits(_Pascal):
+    max_velocity: CrfVec6
+    max_acceleration: CrfVec6
+
+
+class ProfileParameters(_Pascal):
+    joint_velocities: CrfVector
+    joint_accelerations: CrfVector
+    task_velocity: CrfVec6
+    task_acceleration: CrfVec6
+
+
+class RobotConfiguration(_Pascal):
+    """The answer to ``getConfiguration``: what concerns clients, without addresses and gains."""
+
+    joint_space_degree_of_freedom: Annotated[int, Field(ge=1)]
+    controller_loop_time_ms: Annotated[float, Field(gt=0)]
+    joint_limits: JointLimits
+    task_limits: TaskLimits
+    profile_parameters: ProfileParameters
+    task_space_degree_of_freedom: Annotated[int, Field(ge=0, le=6)] = 6
+    task_space: TaskSpace = TaskSpace()
+
+    @model_validator(mode="after")
+    def _dimensions(self) -> Self:
+        joints = self.joint_space_degree_of_freedom
+        vectors = [*((f"JointLimits.{to_pascal(name)}", value) for name, value in self.joint_limits),
+                   ("ProfileParameters.JointVelocities", self.profile_parameters.joint_velocities),
+                   ("ProfileParameters.JointAccelerations", self.profile_parameters.joint_accelerations)]  # fmt: skip
+        for name, value in vectors:
+            if len(value) != joints:
+                raise ValueError(f"{name} has {len(value)} numbers, the robot {joints} joints")
+        return self
+
+
+class StopConditions(_Pascal):
+    """``None`` leaves a condition as it is."""
+
+    stop_on_low_manipulability: bool | None = None
+    stop_on_tolerance_violation: bool | None = None
+    stop_on_computation_time_violation: bool | None = None
+    stop_on_workspace_violation: bool | None = None
+
+
+class DesiredJointPosition(_Pascal):
+    """NaN leaves a joint free."""
+
+    attraction_position: CrfVector
+
+
+class Objective(Message):
+    """An objective function: switched with ``enable`` (blended over ``blend`` seconds), weighted by ``c``, shaped by
+    ``p``. ``None`` leaves a value as it is."""
+
+    enable: bool | None = None
+    c: Annotated[float, Field(ge=0)] | None = None
+    p: Annotated[float, Field(ge=0)] | None = None
+    blend: Annotated[float, Field(ge=0, le=60)] | None = None
+
+
+class SphereObjective(Objective):
+    """Keeps the arm out of a sphere given in the base frame, metres."""
+
+    center: Vec3 | None = None
+    radius: Annotated[float, Field(gt=0)] | None = None
+
+
+class ObjectiveFunctions(_Pascal):
+    joint_limits: Objective | None = None
+    desired_joint_positions: Objective | None = None
+    manipulability: Objective | None = None
+    collision_avoidance_sphere: Annotated[tuple[SphereObjective, ...], Strict(False)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_sphere(cls, value: Any) -> Any:
+        one = value.get("CollisionAvoidanceSphere") if isinstance(value, dict) else None
+        return {**value, "CollisionAvoidanceSphere": [one]} if isinstance(one, dict) else value
+
+
+class ControllerParameters(_Pascal):
+    stop_conditions: StopConditions | None = None
+    desired_joint_position: DesiredJointPosition | None = None
+    update_joints_initial_position: Numbers | None = None
+    objective_functions: ObjectiveFunctions | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _conditions_one_level_up(cls, value: Any) -> Any:
+        """CRF looks for the conditions in ``StopConditions`` and reads them beside it; both places are taken."""
+        if not isinstance(value, dict):
+            return value
+        flags = {key: flag for key, flag in value.items() if isinstance(key, str) and key.startswith("StopOn")}
+        if not flags:
+            return value
+        inner = value.get("StopConditions", {})
+        rest = {key: item for key, item in value.items() if key not in flags}
+        return {**rest, "StopConditions": {**flags, **inner} if isinstance(inner, dict) else inner}
+
+
+class Parameters(_Pascal):
+    """The ``data`` of ``setParameters``."""
+
+    controller: ControllerParameters
+
+
+# -- on the bus -------------------------------------------------------------------------------------------------------
+
+
+class CrfCall(Message):
+    """A CRF request as it came, and the session it came through. Text, so that even broken JSON gets its answer."""
+
+    session: Annotated[str, Field(min_length=1, max_length=128)]
+    text: str
+
+
+class CrfAnswer(Message):
+    """A CRF reply as JSON text."""
+
+    text: str
+
+
+EventName = Literal["controlGranted", "controlLost", "stopped", "resumed", "heartbeatLost"]
+LossReason = Literal["released", "expired", "preempted", "forced", "disconnected", "heartbeat", "promoted", "restart"]
+
+
+class ControlInfo(CrfMessage):
+    """What happened to control: to whom, by whom, why. ``kind`` says which stop it was."""
+
+    client: str
+    priority: int
+    lease_id: int
+    epoch: str
+    by: str | None = None
+    by_priority: int | None = None
+    reason: str | None = None
+    kind: Literal["softStop", "hardStop"] | None = None
+
+
+class MotionEvent(Message):
+    """An unsolicited CRF event. ``to`` names the client it concerns; empty, all."""
+
+    stamp: Stamp
+    name: EventName
+    to: str = ""
+    info: ControlInfo
+
+
+class FencingToken(Message):
+    """Which grant a command belongs to. Within an epoch a larger ``lease`` is newer; a restart makes a new epoch."""
+
+    epoch: Annotated[str, Field(min_length=1, max_length=64)]
+    lease: Annotated[int, Field(ge=0)]
+
+
+class ArmState(Message):
+    """What an arm's driver measures: rad, rad/s, N·m, one entry a joint; wrench at the flange in its frame."""
+
+    stamp: Stamp
+    q: Numbers
+    dq: Numbers
+    efforts: Numbers
+    wrench: Vec6
+
+    @model_validator(mode="after")
+    def _same_length(self) -> Self:
+        if not self.q or not len(self.q) == len(self.dq) == len(self.efforts):
+            raise ValueError(f"{len(self.q)} positions, {len(self.dq)} velocities, {len(self.efforts)} efforts")
+        return self
+
+
+class ArmCommand(Message):
+    """What the driver is to do: rad, rad/s or N·m (gravity is the driver's). ``answers``: stamp of the state used."""
+
+    answers: Stamp
+    mode: Literal["position", "velocity", "torque"]
+    values: Annotated[Numbers, Field(min_length=1)]
+    token: FencingToken
