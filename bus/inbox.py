@@ -210,8 +210,7 @@ class Inbox:
         return None
 
     def __iter__(self) -> Iterator[Event]:
-        while (event := self.get()) is not None:
-            yield event
+        return iter(self.get, None)  # holds no event: a request its reader has dropped is dropped
 
     async def stream(self) -> AsyncIterator[Event]:
         """The asyncio twin of iterating: many arrivals wake the loop once."""
