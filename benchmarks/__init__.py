@@ -1,0 +1,1 @@
+"""Every published number, reproducible by one command: ``python -m benchmarks NAME``."""

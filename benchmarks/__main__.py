@@ -1,0 +1,42 @@
+"""``python -m benchmarks [NAME …]``: run benchmarks and print their tables; ``--write`` puts them into the docs."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import re
+from pathlib import Path
+
+PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
+NAMES = ("bus",)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description="Run benchmarks and print their tables.",
+        epilog="example: python -m benchmarks bus --write",
+    )
+    parser.add_argument("names", nargs="*", help=f"which: {', '.join(NAMES)} (all if none is named)")
+    parser.add_argument("--write", action="store_true", help=f"replace these sections of docs/{PAGE.name}")
+    arguments = parser.parse_args()
+    if unknown := set(arguments.names) - set(NAMES):
+        parser.error(f"no benchmark {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
+    for name in arguments.names or NAMES:
+        text = importlib.import_module(f"benchmarks.{name}").run().markdown()
+        print(text, flush=True)
+        if arguments.write:
+            write_section(text)
+
+
+def write_section(text: str) -> None:
+    """Replace the section of the same heading, or append it."""
+    page = PAGE.read_text()
+    heading = text.splitlines()[0]
+    section = re.compile(rf"^{re.escape(heading)}$.*?(?=^## |\Z)", re.MULTILINE | re.DOTALL)
+    replaced = section.sub(lambda _: text + "\n", page) if section.search(page) else f"{page.rstrip()}\n\n{text}"
+    PAGE.write_text(replaced.rstrip() + "\n")
+
+
+if __name__ == "__main__":
+    main()
