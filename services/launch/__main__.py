@@ -1,0 +1,5 @@
+"""``python -m services.launch`` is the ``rackhand`` command."""
+
+from services.launch.cli import main
+
+main()

@@ -1,0 +1,134 @@
+"""Brings a whole cell up: checks what can be checked before, supervises, tells when it is ready and what is where."""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import json
+import os
+import socket
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from services.launch.health import Health, ask_health
+from services.launch.processes import Address, CellOptions, Process, cell_processes
+from services.launch.supervisor import Supervisor
+
+CELL_FILE = "cell.json"
+SLOW_START = 30.0  # seconds after which a cell that is not ready yet is told of
+
+
+class CannotStart(Exception):
+    """Something outside is in the way; the text is for the user."""
+
+
+def run_cell(options: CellOptions) -> int:
+    """Run the cell until a signal ends it. Returns the exit code; raises ``CannotStart`` before anything is started."""
+    options = replace(options, http=_with_port(options.http), bus=_with_port(options.bus))
+    processes = cell_processes(options, os.environ)
+    check_ports(processes)
+    with StateFolder(options.state_dir) as state:
+        supervisor = Supervisor(
+            processes,
+            os.environ,
+            watch=lambda running: _announce(running, options),
+            on_change=lambda pids: state.tell(options, pids),
+        )
+        return asyncio.run(supervisor.run())
+
+
+def check_ports(processes: Sequence[Process]) -> None:
+    """Raises ``CannotStart`` if anything already listens where one of these wants to."""
+    for process in processes:
+        if process.listens is None:
+            continue
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((process.listens.host, process.listens.port))
+            except OSError as error:
+                raise CannotStart(
+                    f"{process.name} cannot listen on {process.listens}: {error.strerror}. "
+                    f"Does another cell run? Choose another port with {process.option}."
+                ) from None
+
+
+class StateFolder:
+    """The folder that holds a cell's state, locked to one cell; ``cell.json`` in it tells ports and pids."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lock = -1
+
+    def __enter__(self) -> StateFolder:
+        try:
+            self._path.mkdir(parents=True, exist_ok=True)
+            self._lock = os.open(self._path / "cell.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(self._lock)
+            raise CannotStart(
+                f"another cell runs on the state folder {self._path}. Choose another with --state-dir."
+            ) from None
+        except OSError as error:
+            raise CannotStart(f"the state folder {self._path} cannot be used: {error.strerror}") from None
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(FileNotFoundError):
+            (self._path / CELL_FILE).unlink()
+        os.close(self._lock)
+
+    def tell(self, options: CellOptions, pids: dict[str, int]) -> None:
+        """Written whole or not at all: a reader never sees half of it."""
+        facts = {"http": options.http.url, "bus": options.bus.endpoint, "pids": pids}
+        fresh = self._path / f"{CELL_FILE}.new"
+        fresh.write_text(json.dumps(facts, indent=2) + "\n")
+        fresh.replace(self._path / CELL_FILE)
+
+
+async def _announce(running: Supervisor, options: CellOptions) -> None:
+    """Wait until every service is up, then tell where things are. Tells once what is missing if that takes long."""
+    begun = time.monotonic()
+    complain_at = begun + SLOW_START
+    while True:
+        health = await asyncio.to_thread(ask_health, options.http.url)
+        if health is not None and health.all_up:
+            break
+        if time.monotonic() > complain_at:
+            complain_at += SLOW_START
+            running.say(f"not ready after {time.monotonic() - begun:.0f} s: {_missing(health)}")
+        await asyncio.sleep(0.2)
+    running.say(f"ready after {time.monotonic() - begun:.1f} s; Ctrl-C stops the cell")
+    for what, where in _places(options):
+        running.say(f"  {what:<10} {where}")
+
+
+def _missing(health: Health | None) -> str:
+    if health is None:
+        return "the gateway does not answer"
+    return "waiting for " + ", ".join(health.down)
+
+
+def _places(options: CellOptions) -> tuple[tuple[str, str], ...]:
+    url = options.http.url
+    return (
+        ("page", f"{url}/"),
+        ("API docs", f"{url}/docs"),
+        ("health", f"{url}/healthz"),
+        ("WebSocket", f"{url.replace('http', 'ws', 1)}/ws/v2/topics"),
+        ("bus", options.bus.endpoint),
+        ("state", str(options.state_dir)),
+    )
+
+
+def _with_port(address: Address) -> Address:
+    """Port 0 is any free one."""
+    if address.port:
+        return address
+    with socket.socket() as probe:
+        probe.bind((address.host, 0))
+        return replace(address, port=probe.getsockname()[1])

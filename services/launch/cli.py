@@ -1,0 +1,152 @@
+"""The ``rackhand`` command."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+
+from services.launch import reference
+from services.launch.cell import CELL_FILE, CannotStart, run_cell
+from services.launch.health import Health, ask_health
+from services.launch.processes import Address, CellOptions
+
+DEFAULTS = CellOptions()
+
+
+def _examples(*lines: str) -> str:
+    """An epilog that keeps its lines (``\\b`` is click's mark for that)."""
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
+
+
+app = typer.Typer(
+    name="rackhand",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    help="A goods-to-arm cell: mobile robots, arms, physics and a gateway, as processes that meet on Zenoh.",
+    epilog=_examples("rackhand up", "rackhand up --world empty --speed max", "rackhand status", "rackhand topics"),
+)
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    app()
+
+
+def _speed(text: str) -> float | None:
+    """``max`` or a factor; raises ``typer.BadParameter``."""
+    if text == "max":
+        return None
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = 0.0
+    if not 0 < factor <= 1000:
+        raise typer.BadParameter(f"{text!r}: want max, or a factor over 0 and up to 1000 (1 is real time)")
+    return factor
+
+
+@app.command(
+    epilog=_examples(
+        "rackhand up --world empty --speed max",
+        "rackhand up --lockstep --seed 7",
+        "rackhand up --robot-profile jackal --port 8091 --bus-port 7448 --state-dir var/second",
+    )
+)
+def up(
+    world: Annotated[str, typer.Option(help="name of a world, or a folder made by `rackhand world`")] = DEFAULTS.world,
+    speed: Annotated[str, typer.Option(help="ratio to real time (0.1 … 1000), or max")] = "1",
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="let the physics wait for the planner: the same seed, the same run")
+    ] = DEFAULTS.lockstep,
+    seed: Annotated[int, typer.Option(min=0, help="seed of all noise")] = DEFAULTS.seed,
+    host: Annotated[str, typer.Option(help="address the gateway listens on")] = DEFAULTS.http.host,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="port of the gateway; 0 is any free one")] = (
+        DEFAULTS.http.port
+    ),
+    bus_port: Annotated[int, typer.Option(min=0, max=65535, help="port of the bus' router; 0 is any free one")] = (
+        DEFAULTS.bus.port
+    ),
+    robot_profile: Annotated[
+        str | None, typer.Option(help="chassis of amr1, as in longjack or jackal; the world's own if not given")
+    ] = DEFAULTS.profile,
+    state_dir: Annotated[Path, typer.Option(help="folder of what outlives a run: moves, maps")] = DEFAULTS.state_dir,
+) -> None:
+    """Start the cell, and keep it running until Ctrl-C or SIGTERM."""
+    options = CellOptions(
+        world=world,
+        speed=_speed(speed),
+        lockstep=lockstep,
+        seed=seed,
+        http=Address(host, port),
+        bus=Address(DEFAULTS.bus.host, bus_port),
+        profile=robot_profile,
+        state_dir=state_dir,
+    )
+    try:
+        code = run_cell(options)
+    except CannotStart as error:
+        _fail(str(error))
+    raise typer.Exit(code)
+
+
+@app.command(epilog=_examples("rackhand status", "rackhand status --url http://127.0.0.1:8091"))
+def status(
+    url: Annotated[
+        str | None, typer.Option(help="the gateway; if not given, that of the cell in the state folder, or port 8090")
+    ] = None,
+    state_dir: Annotated[Path, typer.Option(help="state folder of the cell")] = DEFAULTS.state_dir,
+) -> None:
+    """Tell which services are up. Exit status 0 if all are, 1 if not."""
+    url = url or _known_url(state_dir) or DEFAULTS.http.url
+    health = ask_health(url.rstrip("/"), timeout=3.0)
+    if health is None:
+        _fail(f"no gateway answers at {url}. Is the cell up? Start it with `rackhand up`.")
+    typer.echo(_health_table(health))
+    raise typer.Exit(0 if health.all_up else 1)
+
+
+@app.command(epilog=_examples("rackhand topics", "rackhand topics --markdown > topics.md"))
+def topics(
+    markdown: Annotated[bool, typer.Option("--markdown", help="as Markdown tables")] = False,
+) -> None:
+    """Print the contract: every topic and query on the bus."""
+    show = reference.markdown if markdown else reference.plain
+    typer.echo(f"{show(reference.topic_table())}\n\n{show(reference.query_table())}")
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+    epilog=_examples("rackhand world list", "rackhand world map warehouse"),
+)
+def world(context: typer.Context) -> None:
+    """Worlds: list them, make the map of one, make one from data. `rackhand world --help` tells more."""
+    command = [sys.executable, "-m", "services.sim.worlds", *context.args]
+    raise typer.Exit(subprocess.run(command, check=False).returncode)
+
+
+def _known_url(state_dir: Path) -> str | None:
+    """The gateway of the cell that runs on this state folder, if one does."""
+    try:
+        return str(json.loads((state_dir / CELL_FILE).read_text())["http"])
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def _health_table(health: Health) -> str:
+    columns = list(dict.fromkeys(key for row in health.rows for key in row))
+    return reference.plain((tuple(columns), [tuple(str(row.get(key, "")) for key in columns) for row in health.rows]))
+
+
+def _fail(text: str) -> NoReturn:
+    typer.echo(f"rackhand: {text}", err=True)
+    raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    main()

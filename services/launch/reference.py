@@ -1,0 +1,84 @@
+"""Reference tables for readers, made from the contract: topics, queries, reasons why moves fail."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from schemas.base import Message
+from schemas.fail_reasons import MoveFailReason
+from schemas.topics import QUERIES, TOPICS
+
+Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
+
+
+def topic_table() -> Table:
+    """Header and rows of all published topics."""
+    header: tuple[str, ...] = ("key", "message", "published by", "rate", "QoS", "what")
+    rows: list[tuple[str, ...]] = [
+        (
+            _shown(topic.key),
+            _type(topic.model),
+            topic.publisher,
+            f"{topic.rate:g} Hz" if topic.rate else "on change",
+            topic.qos.value,
+            topic.text,
+        )
+        for topic in TOPICS
+    ]
+    return header, rows
+
+
+def query_table() -> Table:
+    """Header and rows of all queries."""
+    header: tuple[str, ...] = ("key", "request", "reply", "answered by", "asked by", "what")
+    rows: list[tuple[str, ...]] = [
+        (_shown(q.key), _type(q.request), _type(q.reply), q.server, q.commander, q.text) for q in QUERIES
+    ]
+    return header, rows
+
+
+def fail_reason_table() -> Table:
+    """Header and rows of all ``MoveFailReason`` values."""
+    header: tuple[str, ...] = ("code", "`fail_reason_str` of REST", "name")
+    rows: list[tuple[str, ...]] = [
+        (str(int(reason)), f"`{reason.rest_string}`", reason.doc_name) for reason in MoveFailReason
+    ]
+    return header, rows
+
+
+def markdown(table: Table) -> str:
+    header, rows = table
+    return "\n".join(
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
+        for row in (header, tuple("---" for _ in header), *rows)
+    )
+
+
+def plain(table: Table) -> str:
+    """Columns as wide as their widest cell."""
+    header, rows = table
+    lines = [tuple(cell.replace("`", "") for cell in row) for row in (header, *rows)]
+    widths = [max(len(row[column]) for row in lines) for column in range(len(header))]
+    return "\n".join("  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)).rstrip() for row in lines)
+
+
+BLOCKS: dict[str, Callable[[], Table]] = {
+    "topics": topic_table,
+    "queries": query_table,
+    "fail-reasons": fail_reason_table,
+}
+_BLOCK = re.compile(r"(<!-- generated: (?P<name>[a-z-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def refresh(text: str) -> str:
+    """A Markdown page with its generated blocks made anew. Raises ``KeyError`` for a block of an unknown name."""
+    return _BLOCK.sub(lambda block: f"{block[1]}{markdown(BLOCKS[block['name']]())}\n{block[3]}", text)
+
+
+def _shown(key: str) -> str:
+    return f"`{key.replace('{robot}', '<robot>')}`"
+
+
+def _type(model: type[Message]) -> str:
+    return f"`{model.__module__.removeprefix('schemas.')}.{model.__name__}`"

@@ -1,0 +1,30 @@
+"""Runs a supervisor over processes given as JSON: what the tests start, signal and kill."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import sys
+
+from services.launch.processes import Address, Process
+from services.launch.restarts import RestartPolicy
+from services.launch.supervisor import Supervisor
+
+
+def main() -> None:
+    given = json.loads(sys.argv[1])
+    processes = [
+        Process(
+            p["name"], tuple(p["argv"]), tuple(p.get("needs", ())), Address(*p["listens"]) if "listens" in p else None
+        )
+        for p in given["processes"]
+    ]
+    supervisor = Supervisor(
+        processes, os.environ, policy=RestartPolicy(**given.get("policy", {})), grace=given.get("grace", 5.0)
+    )
+    sys.exit(asyncio.run(supervisor.run()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,108 @@
+"""The command line: what it says, and what it refuses before anything is started."""
+
+from __future__ import annotations
+
+import fcntl
+import socket
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from schemas.topics import QUERIES, TOPICS
+from services.launch.cli import app
+from services.launch.processes import Address, CellOptions, cell_processes
+from tests.launch.conftest import Running
+
+cli = CliRunner()
+RACKHAND = [sys.executable, "-m", "services.launch"]
+
+
+def test_help_names_every_command() -> None:
+    shown = cli.invoke(app, ["--help"]).output
+    for command in ("up", "status", "world", "topics"):
+        assert f"\n  {command} " in shown
+
+
+@pytest.mark.parametrize("command", ["up", "status", "topics"])
+def test_help_of_every_command_shows_examples(command: str) -> None:
+    shown = cli.invoke(app, [command, "--help"]).output
+    assert f"Examples:\n    rackhand {command}" in shown
+
+
+@pytest.mark.parametrize("flag", [[], ["--markdown"]])
+def test_topics_prints_every_row(flag: list[str]) -> None:
+    result = cli.invoke(app, ["topics", *flag])
+    assert result.exit_code == 0
+    for row in (*TOPICS, *QUERIES):
+        assert row.key.replace("{robot}", "<robot>") in result.output
+        assert row.text in result.output
+
+
+@pytest.mark.parametrize("speed", ["0", "-1", "fast", "1001", "nan", "inf"])
+def test_a_bad_speed_is_refused(speed: str) -> None:
+    result = cli.invoke(app, ["up", "--speed", speed])
+    assert result.exit_code == 2
+    assert "want max, or a factor" in result.output
+
+
+def test_options_reach_the_services() -> None:
+    options = CellOptions(world="empty", speed=None, lockstep=True, seed=7, profile="jackal", state_dir=Path("here"))
+    table = {process.name: process for process in cell_processes(options, {})}
+    sim = " ".join(table["sim"].argv)
+    for part in ("--world empty", "--speed max", "--lockstep", "--seed 7", "jackal", "amr1/planner"):
+        assert part in sim
+    assert "here" in " ".join(table["planner"].argv)
+    assert all(
+        process.env["RACKHAND_BUS_CONNECT"] == "tcp/127.0.0.1:7447"
+        for name, process in table.items()
+        if name != "router"
+    )
+
+
+def test_a_bus_elsewhere_becomes_the_routers_neighbour() -> None:
+    elsewhere = "tls/fleet.example:7447"
+    router, sim, *_ = cell_processes(CellOptions(), {"RACKHAND_BUS_CONNECT": elsewhere})
+    assert router.argv[-2:] == ("--connect", elsewhere)
+    assert sim.env["RACKHAND_BUS_CONNECT"] == "tcp/127.0.0.1:7447"
+
+
+@pytest.mark.parametrize(("taken", "free"), [("--port", "--bus-port"), ("--bus-port", "--port")])
+def test_a_port_in_use_is_told_before_anything_starts(tmp_path: Path, taken: str, free: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        port = holder.getsockname()[1]
+        result = cli.invoke(app, ["up", taken, str(port), free, "0", "--state-dir", str(tmp_path / "var")])
+    assert result.exit_code == 1
+    assert f"cannot listen on 127.0.0.1:{port}: Address already in use" in result.output
+    assert f"with {taken}." in result.output
+    assert not (tmp_path / "var").exists()
+
+
+def test_a_state_folder_serves_one_cell(tmp_path: Path) -> None:
+    with (tmp_path / "cell.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        result = cli.invoke(app, ["up", "--port", "0", "--bus-port", "0", "--state-dir", str(tmp_path)])
+    assert result.exit_code == 1
+    assert "another cell runs on the state folder" in result.output
+
+
+def test_a_state_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    result = cli.invoke(app, ["up", "--port", "0", "--bus-port", "0", "--state-dir", str(tmp_path / "file" / "var")])
+    assert result.exit_code == 1
+    assert "cannot be used: Not a directory" in result.output
+
+
+def test_status_without_a_cell_says_so(tmp_path: Path) -> None:
+    url = Address("127.0.0.1", 9).url
+    result = cli.invoke(app, ["status", "--url", url, "--state-dir", str(tmp_path)])
+    assert result.exit_code == 1
+    assert f"no gateway answers at {url}" in result.output
+
+
+def test_runs_as_a_module(run: Callable[[list[str]], Running]) -> None:
+    running = run([*RACKHAND, "topics"])
+    assert running.end() == 0
+    assert "rackhand/world/clock" in "\n".join(running.lines)
