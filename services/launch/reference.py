@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 from schemas.base import Message
 from schemas.fail_reasons import MoveFailReason
@@ -82,3 +84,17 @@ def _shown(key: str) -> str:
 
 def _type(model: type[Message]) -> str:
     return f"`{model.__module__.removeprefix('schemas.')}.{model.__name__}`"
+
+
+def main() -> None:
+    """``python -m services.launch.reference FILE…`` renews the generated blocks of Markdown pages in place."""
+    for name in sys.argv[1:]:
+        page = Path(name)
+        old = page.read_text(encoding="utf-8")
+        if (new := refresh(old)) != old:
+            page.write_text(new, encoding="utf-8")
+            print(f"renewed {name}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,59 @@
+# One image a service, none with more than it needs: docker compose builds the targets router, sim, planner, gateway.
+
+FROM python:3.11-slim-bookworm AS python
+ENV PYTHONUNBUFFERED=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_CACHE_DIR=1 PIP_ROOT_USER_ACTION=ignore
+RUN python -m venv /venv
+ENV PATH=/venv/bin:$PATH
+
+# What a service imports is installed before its code is copied: a change of code installs nothing anew.
+FROM python AS dependencies
+WORKDIR /src
+COPY pyproject.toml LICENSE ./
+RUN touch README.md
+
+FROM dependencies AS build-router
+RUN pip install .
+COPY . .
+RUN pip install --no-deps --force-reinstall .
+
+FROM dependencies AS build-sim
+RUN pip install '.[sim]'
+COPY . .
+RUN pip install --no-deps --force-reinstall .
+
+FROM dependencies AS build-planner
+RUN pip install '.[planner]'
+COPY . .
+RUN pip install --no-deps --force-reinstall .
+
+FROM dependencies AS build-gateway
+RUN pip install '.[gateway]'
+COPY . .
+RUN pip install --no-deps --force-reinstall .
+
+# What runs: an interpreter, one environment, a user without rights, and two folders that are his: /state outlives
+# the container (a volume), /cache holds what numba compiled.
+FROM python AS runtime
+RUN useradd --uid 10001 --no-create-home --home-dir /tmp --shell /usr/sbin/nologin rackhand \
+ && mkdir /state /cache && chown rackhand: /state /cache
+ENV NUMBA_CACHE_DIR=/cache RACKHAND_BUS_CONNECT=tcp/router:7447 RACKHAND_BUS_LISTEN=tcp/0.0.0.0:0
+WORKDIR /state
+USER rackhand
+
+FROM runtime AS router
+COPY --from=build-router /venv /venv
+CMD ["python", "-m", "bus.router", "--listen", "tcp/0.0.0.0:7447"]
+EXPOSE 7447
+
+FROM runtime AS sim
+COPY --from=build-sim /venv /venv
+CMD ["python", "-m", "services.sim", "--wait-for", "amr1/planner"]
+
+FROM runtime AS planner
+COPY --from=build-planner /venv /venv
+CMD ["python", "-m", "services.planner", "--robot", "amr1", "--map", "warehouse", "--store", "/state/amr1.sqlite"]
+
+FROM runtime AS gateway
+COPY --from=build-gateway /venv /venv
+CMD ["python", "-m", "services.gateway", "--robot", "amr1", "--host", "0.0.0.0", "--port", "8090"]
+EXPOSE 8090

@@ -1,0 +1,51 @@
+# make run    starts the cell (ARGS="--world empty --speed max" passes options on; `make run ARGS=--help` lists them)
+# make test   runs the tests  (ARGS="tests/planner -k corridor" passes options on)
+# make lint   checks style, types and the rules of the house
+# make docs   renews the generated tables in README.md and docs/
+# Each makes its own environment in .venv first; it is made anew only when pyproject.toml changes.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+ARGS   ?=
+
+.PHONY: run test lint docs bench clean
+
+run: $(VENV)/.run
+	@exec $(BIN)/rackhand up $(ARGS)
+
+test: $(VENV)/.dev
+	@$(BIN)/pytest $(ARGS)
+
+lint: $(VENV)/.dev
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+
+docs: $(VENV)/.dev
+	@$(BIN)/python -m services.launch.reference README.md docs/*.md
+
+bench: $(VENV)/.dev
+	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script $(ARGS) || exit 1; done
+
+clean:
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+# Stamps: which set of dependencies the environment holds, as of which pyproject.toml.
+$(VENV)/.run: $(VENV)/bin/python pyproject.toml
+	@echo "rackhand: installing what the cell needs into $(VENV) (once; a minute or two)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[all]'
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/bin/python pyproject.toml
+	@echo "rackhand: installing the cell and its test tools into $(VENV) (once; a minute or two)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@ $(VENV)/.run
+
+$(VENV)/bin/python:
+	@command -v $(PYTHON) >/dev/null || { echo "rackhand: $(PYTHON) not found. Install Python 3.11 or newer, or name one: make run PYTHON=/path/to/python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "rackhand: $$($(PYTHON) --version 2>&1) is too old. Python 3.11 or newer is needed; name one: make run PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "rackhand: $(PYTHON) has no venv module. On Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
+	@echo "rackhand: making the environment $(VENV) with $$($(PYTHON) --version)"
+	@$(PYTHON) -m venv $(VENV)
