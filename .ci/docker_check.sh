@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# usage: docker_check.sh [BASE.tar]   With an engine at hand: see docker_proof.sh.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+export COMPOSE_PROJECT_NAME=rackhand-check
+api=http://127.0.0.1:8090
+say() { echo "$(date +%H:%M:%S) docker: $*"; }
+
+finish() {
+  code=$?
+  if [ $code != 0 ]; then say "failed; the last lines of every service:"; docker compose ps -a; docker compose logs --tail 40 || true; fi
+  docker compose down -v --timeout 10 >/dev/null 2>&1 || true
+  exit $code
+}
+trap finish EXIT
+
+if [ -n "${1:-}" ]; then
+  docker import --change 'ENV PATH=/usr/local/bin:/usr/local/sbin:/usr/bin:/usr/sbin:/bin:/sbin' --change 'ENV LANG=C.UTF-8' \
+    --change 'CMD ["python3"]' "$1" python:3.11-slim-bookworm >/dev/null
+fi
+docker version --format 'engine {{.Server.Version}}'; docker compose version
+
+say "build"
+docker compose build --quiet
+docker image ls --format '  {{.Repository}} {{.Size}}' | grep "$COMPOSE_PROJECT_NAME"
+
+say "up"
+docker compose up -d --wait --wait-timeout 240
+docker compose ps --format '  {{.Service}} {{.Status}}'
+
+say "what runs is locked down"
+for service in $(docker compose ps --services); do
+  docker inspect "$(docker compose ps -q "$service")" --format \
+    '{{.Config.User}} {{.HostConfig.ReadonlyRootfs}} {{.HostConfig.CapDrop}} {{.HostConfig.SecurityOpt}}' |
+    grep -qx 'rackhand true \[ALL\] \[no-new-privileges:true\]' || { say "$service is not"; exit 1; }
+done
+
+say "a move over the published port"
+curl -fsS "$api/healthz"; echo
+python3 .ci/drive.py "$api"
+
+say "stop"
+docker compose stop
+for id in $(docker compose ps -aq); do
+  docker inspect "$id" --format '{{.Name}} ended with {{.State.ExitCode}}' | tee /dev/stderr | grep -q ' 0$' || { say "not a clean end"; exit 1; }
+done
+docker compose down -v
+left=$(docker ps -aq; docker volume ls -q; docker network ls -q --filter "label=com.docker.compose.project=$COMPOSE_PROJECT_NAME")
+[ -z "$left" ] || { say "left behind: $left"; exit 1; }
+say "all good: nothing left behind"

@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# Proves the containers: build, up until healthy, one move over the published port, a clean stop, nothing left.
+# Uses the machine's own engine where an image can be pulled; else one unpacked from Debian packages, with a stand-in
+# for the base image made of this machine's files (scripts in $SHARED/ci/docker). Dockerfile and compose.yaml know nothing of it.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+base=python:3.11-slim-bookworm
+check=.ci/docker_check.sh
+
+if docker info >/dev/null 2>&1 && { docker image inspect "$base" >/dev/null 2>&1 || docker pull -q "$base"; }; then
+  exec "$check"
+fi
+
+helpers=$(realpath -m "${SHARED:-../shared}/ci/docker")
+[ -x "$helpers/with_engine.sh" ] || { echo "docker proof: no engine that can pull $base, and no helpers in $helpers" >&2; exit 69; }
+engine=${ENGINE_DIR:-${TMPDIR:-/tmp}/rackhand-engine}
+work=$(mktemp -d); trap 'rm -rf "$work"' EXIT
+echo "docker proof: unpacking an engine into $engine"
+"$helpers/get_engine.sh" "$engine"
+echo "docker proof: making a stand-in for $base, with a wheelhouse"
+python3 .ci/requirements.py >"$work/requirements.txt"
+python3 "$helpers/base_image.py" --requirements "$work/requirements.txt" "$work/base.tar"
+ENGINE_LOG=$work/engine.log "$helpers/with_engine.sh" "$engine" "$check" "$work/base.tar" ||
+  { code=$?; tail -n 20 "$work/engine.log" 2>/dev/null; exit $code; }
