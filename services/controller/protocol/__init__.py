@@ -1,0 +1,1 @@
+"""The CRF protocol without transport: bytes to commands, decisions to answers."""

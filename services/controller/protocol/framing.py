@@ -1,0 +1,110 @@
+"""CRF's packet framing on TCP (spec motion-controller §1.1): an encoder and an incremental decoder.
+
+A packet is six ``~``, a little-endian header (type u16, payload length u32, timestamp i64, writer u8, checksum u8)
+and the payload. Nothing of ours is imported, so that any process with a socket can use it.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+SYNC = b"~~~~~~"
+JSON_PACKET = 801
+STREAM_PACKET = 802
+MAX_PAYLOAD = 16 * 1024 * 1024
+
+_HEADER = struct.Struct("<HIqBB")
+
+
+@dataclass(frozen=True)
+class Packet:
+    """``timestamp`` is 0 if unset; a server writes the ``writer`` of the last packet it read."""
+
+    payload: bytes
+    type: int = JSON_PACKET
+    timestamp: int = 0
+    writer: int = 0
+
+
+def checksum(type_: int, length: int, timestamp: int, writer: int) -> int:
+    """The sum of the header's fields mod 255. The sign follows C, where the sum of a negative timestamp is negative."""
+    total = type_ + length + timestamp + writer
+    return (abs(total) % 255 * (1 if total >= 0 else -1)) & 0xFF
+
+
+def encode(packet: Packet) -> bytes:
+    """Raises ``ValueError`` for a payload over ``MAX_PAYLOAD`` or header fields out of range."""
+    length = len(packet.payload)
+    if length > MAX_PAYLOAD:
+        raise ValueError(f"payload of {length} bytes, at most {MAX_PAYLOAD}")
+    head = (packet.type, length, packet.timestamp, packet.writer)
+    try:
+        return SYNC + _HEADER.pack(*head, checksum(*head)) + packet.payload
+    except struct.error as error:
+        raise ValueError(f"header {head} does not fit: {error}") from None
+
+
+class Decoder:
+    """Takes bytes in pieces of any size and gives the packets they complete.
+
+    What is no packet is skipped, and counted in ``skipped``: after a header whose checksum or length cannot be right
+    the search goes on with the byte behind its first ``~``, so that a packet hidden in garbage is still found.
+    """
+
+    def __init__(self, max_payload: int = MAX_PAYLOAD) -> None:
+        self.skipped = 0
+        self._max_payload = max_payload
+        self._buffer = bytearray()
+        self._wanted = 0
+
+    def feed(self, data: bytes) -> list[Packet]:
+        self._buffer += data
+        packets: list[Packet] = []
+        # While a large payload trickles in there is nothing to look at before the last of it.
+        if len(self._buffer) < self._wanted:
+            return packets
+        position = 0
+        while (found := self._next(position)) is not None:
+            packet, position = found
+            if packet is not None:
+                packets.append(packet)
+        return packets
+
+    def _next(self, position: int) -> tuple[Packet | None, int] | None:
+        """A packet (or none) and where to go on; ``None`` when more bytes are needed. Drops what is done with."""
+        buffer = self._buffer
+        start = buffer.find(SYNC, position)
+        if start < 0:
+            tail = len(buffer) - _partial_sync(buffer, position)
+            self._drop(tail, tail - position)
+            return None
+        head_end = start + len(SYNC) + _HEADER.size
+        if len(buffer) < head_end:
+            self._drop(start, start - position)
+            self._wanted = head_end - start
+            return None
+        type_, length, timestamp, writer, check = _HEADER.unpack_from(buffer, start + len(SYNC))
+        if check != checksum(type_, length, timestamp, writer) or length > self._max_payload:
+            self.skipped += start + 1 - position
+            return None, start + 1
+        if len(buffer) < head_end + length:
+            self._drop(start, start - position)
+            self._wanted = head_end + length - start
+            return None
+        self.skipped += start - position
+        packet = Packet(bytes(buffer[head_end : head_end + length]), type_, timestamp, writer)
+        return packet, head_end + length
+
+    def _drop(self, end: int, skipped: int) -> None:
+        self.skipped += skipped
+        self._wanted = 0
+        del self._buffer[:end]
+
+
+def _partial_sync(buffer: bytearray, position: int) -> int:
+    """How many ``~`` the buffer ends with: the beginning of a marker, perhaps."""
+    count = 0
+    while count < len(SYNC) - 1 and len(buffer) - count > position and buffer[-1 - count] == SYNC[0]:
+        count += 1
+    return count
