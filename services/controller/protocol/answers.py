@@ -67,3 +67,8 @@ def encode(answer: Answer, echo: dict[str, Any] | None = None) -> bytes:
     """UTF-8 JSON. ``echo``: ``{"id": …}`` of the request, or nothing. Doubles keep all their digits."""
     body = {"command": "reply", "replyCommand": answer.name, "message": answer.message, **(echo or {}), **answer.extras}
     return msgspec.json.encode(body)
+
+
+def encode_id(echo: dict[str, Any]) -> bytes:
+    """The request's ``id`` as JSON text; empty without one."""
+    return msgspec.json.encode(echo["id"]) if echo else b""

@@ -1,0 +1,39 @@
+"""When a status stream sends (spec motion-controller §2). Times are nanoseconds of one clock of the caller's choice."""
+
+from __future__ import annotations
+
+from schemas.motion import MotionStatus
+
+MIN_PERIOD_MS = 2
+
+
+class StatusStream:
+    """One connection's stream: at a frequency (mode 1), or at that frequency when something changed (mode 2).
+
+    The period is in whole milliseconds as in CRF, and not below ``MIN_PERIOD_MS``. The first status is always sent.
+    """
+
+    def __init__(self, frequency: float, mode: int, now: int) -> None:
+        self._next = now
+        self._last: dict[str, object] | None = None
+        self.change(frequency, mode)
+
+    def change(self, frequency: float, mode: int) -> None:
+        """A second start while active."""
+        self.period_ns = max(int(1000 / frequency), MIN_PERIOD_MS) * 1_000_000
+        self.mode = mode
+
+    def due(self, status: MotionStatus, now: int) -> bool:
+        """Whether ``status`` is to be sent now; then it counts as sent."""
+        if now < self._next:
+            return False
+        # Missed periods are not made up for.
+        self._next += ((now - self._next) // self.period_ns + 1) * self.period_ns
+        if self.mode == 1:
+            return True
+        # These change with time alone.
+        content = status.model_dump(exclude={"stamp": True, "holder": {"lease_age": True}})
+        if content == self._last:
+            return False
+        self._last = content
+        return True
