@@ -8,6 +8,7 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import TracebackType
 
 from services.planner.errors import StoreError
 
@@ -109,6 +110,14 @@ class Database:
     def close(self) -> None:
         self.connection.close()
         os.close(self._lock)
+
+    def __enter__(self) -> Database:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
 
 
 _WAY_OUT = "It was left as it is; move it aside, or choose another file with --store"

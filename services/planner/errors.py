@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class RequestRefused(Exception):  # noqa: N818 - it is an answer, not a fault
+class RequestRefused(Exception):
     """A request that is not carried out. ``code`` is one of ``schemas.chassis.Refusal``; the text says why."""
 
     def __init__(self, code: str, text: str) -> None:

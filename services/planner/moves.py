@@ -118,9 +118,7 @@ class MoveBook:
         return move
 
 
-def _ended(
-    move: Move, state: EndState, now: int, reason: MoveFailReason = MoveFailReason.NONE, text: str = ""
-) -> Move:
+def _ended(move: Move, state: EndState, now: int, reason: MoveFailReason = MoveFailReason.NONE, text: str = "") -> Move:
     # Simulation time begins anew at a reset; a record's times never run backwards.
     return move.model_copy(
         update={

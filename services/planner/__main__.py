@@ -1,0 +1,89 @@
+"""``python -m services.planner``: the planner of one chassis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bus import Bus
+from bus.log import configure_logging, get_logger
+from schemas.service import ServiceId
+from services.planner.chassis import Chassis, ChassisSettings
+from services.planner.database import Database
+from services.planner.errors import StoreError
+from services.planner.map_directory import MapDirectoryError, read_map_directory
+from services.planner.map_store import MapStore
+from services.planner.modes import RemoteLimits
+from services.planner.move_store import HISTORY_LIMIT, MoveStore
+from services.planner.navigation import ChassisNavigator, NavigationSettings
+from services.planner.service import PlannerService
+
+log = get_logger(__name__)
+
+_EXAMPLES = """
+Plans and drives the moves of one chassis.
+
+Examples:
+
+  python -m services.planner --robot amr1 --map worlds/warehouse
+
+  python -m services.planner --robot amr2 --store /var/lib/rackhand/amr2.sqlite --max-forward-velocity 0.8
+"""
+
+
+def main(
+    robot: Annotated[str, typer.Option(help="name of the chassis on the bus")] = "amr1",
+    map_directory: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            help="directory of map.yaml, its PNG and overlays.geojson; stored and selected at the first start with it",
+        ),
+    ] = None,
+    store: Annotated[
+        Path | None, typer.Option(help="SQLite file of moves and maps  [default: var/ROBOT/planner.sqlite]")
+    ] = None,
+    history: Annotated[int, typer.Option(min=1, help="how many moves are kept")] = HISTORY_LIMIT,
+    max_forward_velocity: Annotated[float, typer.Option(min=0.05, max=2.0, help="m/s")] = 1.2,
+    max_angular_velocity: Annotated[float, typer.Option(min=0.05, max=3.0, help="rad/s")] = 1.2,
+    remote_max_forward_velocity: Annotated[float, typer.Option(min=0.0, max=2.0, help="m/s in remote mode")] = 0.8,
+) -> None:
+    configure_logging("planner")
+    navigation = NavigationSettings()
+    limits = replace(
+        navigation.control, max_forward_velocity=max_forward_velocity, max_angular_velocity=max_angular_velocity
+    )
+    remote = RemoteLimits(max_forward_velocity=remote_max_forward_velocity, max_angular_velocity=max_angular_velocity)
+    path = store or Path("var") / robot / "planner.sqlite"
+    try:
+        with Database(path, robot) as database:
+            moves, maps = _open(database, history, map_directory)
+            navigator = ChassisNavigator(replace(navigation, control=limits))
+            navigator.warm_up()
+            chassis = Chassis(navigator, moves, maps, ChassisSettings(remote=remote))
+            with Bus(ServiceId("planner", robot)) as bus:
+                bus.handle_signals()
+                PlannerService(bus, robot, chassis).run()
+    except (StoreError, MapDirectoryError) as error:
+        typer.echo(f"planner of {robot}: {error}", err=True)
+        raise typer.Exit(2) from None
+
+
+def _open(database: Database, history: int, map_directory: Path | None) -> tuple[MoveStore, MapStore]:
+    moves, maps = MoveStore(database, history), MapStore(database)
+    for move in moves.closed:
+        log.warning("a move was running when the planner ended last time", move=move.id, now=move.state)
+    if map_directory is not None and maps.import_directory(read_map_directory(map_directory)):
+        log.info("map stored and selected", directory=str(map_directory), id=maps.current and maps.current.id)
+    if maps.current is None:
+        log.warning("no map is in use; moves will fail until one is selected")
+    return moves, maps
+
+
+main.__doc__ = _EXAMPLES
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,57 @@
+"""The rows of ``/alerts``. Codes are component·1000 + n; hundreds 0-4 are errors, 5-9 warnings."""
+
+from __future__ import annotations
+
+from schemas.chassis import Alert
+from services.planner.sensing import QUALITY_LOST, Sensed
+
+STUCK = 1007
+MAP_INFO_BAD = 1009
+NO_POSITION_DURING_MOVE = 1013
+POSITION_UNRELIABLE = 7002
+POSITION_LOST = 7005
+BATTERY_CRITICAL = 8003
+BATTERY_LOW = 8501
+JACK_ERROR = 9016
+
+LOW_CHARGE, CRITICAL_CHARGE = 0.2, 0.1
+POOR_QUALITY = 3
+
+
+def active_alerts(
+    sensed: Sensed, *, moving: bool, stuck: bool, jack_failed: str | None, map_trouble: str | None
+) -> tuple[Alert, ...]:
+    """All that is the matter now, in the order of their codes."""
+    found: list[Alert] = []
+    if stuck:
+        found.append(_alert(STUCK, "the robot is stuck while moving"))
+    if map_trouble is not None:
+        found.append(_alert(MAP_INFO_BAD, map_trouble))
+    found += _position(sensed, moving)
+    found += _battery(sensed)
+    if jack_failed is not None:
+        found.append(_alert(JACK_ERROR, jack_failed))
+    return tuple(sorted(found, key=lambda alert: alert.code))
+
+
+def _position(sensed: Sensed, moving: bool) -> list[Alert]:
+    if sensed.odometry is None:
+        return []
+    if sensed.pose_trouble() is not None:  # whose text has an age in it; a row stays the same while it stands
+        during = [_alert(NO_POSITION_DURING_MOVE, "no position during a move")] if moving else []
+        return [*during, _alert(POSITION_LOST, "the position is lost")]
+    if sensed.pose is not None and QUALITY_LOST < sensed.pose.quality <= POOR_QUALITY:
+        return [_alert(POSITION_UNRELIABLE, "the position is unreliable")]
+    return []
+
+
+def _battery(sensed: Sensed) -> list[Alert]:
+    if sensed.battery is None or sensed.battery.charging or sensed.battery.percentage >= LOW_CHARGE:
+        return []
+    if sensed.battery.percentage < CRITICAL_CHARGE:
+        return [_alert(BATTERY_CRITICAL, f"the battery is critically low, under {CRITICAL_CHARGE:.0%}")]
+    return [_alert(BATTERY_LOW, f"the battery is low, under {LOW_CHARGE:.0%}")]
+
+
+def _alert(code: int, msg: str) -> Alert:
+    return Alert(code=code, level="error" if code // 100 % 10 < 5 else "warning", msg=msg)

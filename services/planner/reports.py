@@ -1,0 +1,85 @@
+"""What the planner tells of itself: which message, and when it is due."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from schemas import topics
+from schemas.base import NANOSECONDS, Message
+from schemas.chassis import ChassisStatus
+from schemas.maps import CurrentMap, MapData
+from schemas.moves import MoveEvent, PlannedPath, PlanningState
+from schemas.topics import Topic
+from services.planner.interface import Progress
+
+PERIOD_NS = NANOSECONDS // 5
+
+
+@dataclass(frozen=True)
+class Publication:
+    """A message to be published."""
+
+    topic: Topic[Any]
+    message: Message
+
+
+class Reports:
+    """Collects publications: what changed at once, and what merely goes on at 5 Hz of simulation time."""
+
+    def __init__(self) -> None:
+        self._due: list[Publication] = []
+        self._planning: PlanningState | None = None
+        self._status: ChassisStatus | None = None
+        self._path = np.empty((0, 3))
+        self._path_known, self._path_stamp = False, 0
+
+    def take(self) -> list[Publication]:
+        """All that is due now, in order; each once."""
+        due, self._due = self._due, []
+        return due
+
+    def event(self, stamp: int, move_id: int, event: Any, text: str = "") -> None:
+        self._put(topics.MOVE_EVENT, MoveEvent(stamp=stamp, move_id=move_id, event=event, text=text))
+
+    def map(self, stamp: int, data: MapData | None) -> None:
+        self._put(topics.MAP, CurrentMap(stamp=stamp, map=data))
+
+    def planning(self, state: PlanningState) -> None:
+        """The state of the move: at once when anything but the distance changed, else at 5 Hz while it moves."""
+        last = self._planning
+        if last is None or _without(last, "remaining_distance") != _without(state, "remaining_distance"):
+            due = True
+        else:
+            due = state.move_state == "moving" and _another_period(last.stamp, state.stamp)
+        if due:
+            self._planning = state
+            self._put(topics.PLANNING_STATE, state)
+
+    def path(self, stamp: int, progress: Progress | None) -> None:
+        """The path ahead at 5 Hz when it changed, at once when it is a new one or has ended."""
+        poses = np.empty((0, 3)) if progress is None else progress.path
+        urgent = not self._path_known or len(poses) == 0 or (progress is not None and progress.replanned)
+        if self._path_known and np.array_equal(poses, self._path):
+            return
+        if urgent or _another_period(self._path_stamp, stamp):
+            self._path, self._path_stamp, self._path_known = poses.copy(), stamp, True
+            self._put(topics.PATH, PlannedPath(stamp=stamp, poses=poses))
+
+    def status(self, status: ChassisStatus) -> None:
+        if self._status is None or _without(self._status) != _without(status):
+            self._status = status
+            self._put(topics.CHASSIS_STATUS, status)
+
+    def _put(self, topic: Topic[Any], message: Message) -> None:
+        self._due.append(Publication(topic, message))
+
+
+def _without(message: Message, *names: str) -> dict[str, Any]:
+    return message.model_dump(exclude={"stamp", *names})
+
+
+def _another_period(last: int, now: int) -> bool:
+    return last // PERIOD_NS != now // PERIOD_NS
