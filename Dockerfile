@@ -51,7 +51,10 @@ CMD ["python", "-m", "services.sim", "--wait-for", "amr1/planner"]
 
 FROM runtime AS planner
 COPY --from=build-planner /venv /venv
-CMD ["python", "-m", "services.planner", "--robot", "amr1", "--map", "warehouse", "--store", "/state/amr1.sqlite"]
+COPY worlds /worlds
+# Compiled here once, so that no container has to before it is ready.
+RUN python -c "from services.planner.navigation import *; ChassisNavigator(NavigationSettings()).warm_up()"
+CMD ["python", "-m", "services.planner", "--robot", "amr1", "--map", "/worlds/warehouse", "--store", "/state/planner.sqlite"]
 
 FROM runtime AS gateway
 COPY --from=build-gateway /venv /venv

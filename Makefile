@@ -1,6 +1,7 @@
 # make run    starts the cell (ARGS="--world empty --speed max" passes options on; `make run ARGS=--help` lists them)
 # make test   runs the tests  (ARGS="tests/planner -k corridor" passes options on)
 # make lint   checks style, types and the rules of the house
+# make bench  runs the benchmarks (ARGS=bus picks one)
 # make docs   renews the generated tables in README.md and docs/
 # Each makes its own environment in .venv first; it is made anew only when pyproject.toml changes.
 
@@ -27,7 +28,7 @@ docs: $(VENV)/.dev
 	@$(BIN)/python -m services.launch.reference README.md docs/*.md
 
 bench: $(VENV)/.dev
-	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script $(ARGS) || exit 1; done
+	@$(BIN)/python -m benchmarks $(ARGS)
 
 clean:
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -13,11 +13,13 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import worlds
 from services.launch.health import Health, ask_health
-from services.launch.processes import Address, CellOptions, Process, cell_processes
+from services.launch.processes import Address, CellOptions, Process, cell_processes, world_folder
 from services.launch.supervisor import Supervisor
 
 CELL_FILE = "cell.json"
+MAP_FILE = "map.yaml"
 SLOW_START = 30.0  # seconds after which a cell that is not ready yet is told of
 
 
@@ -27,6 +29,7 @@ class CannotStart(Exception):
 
 def run_cell(options: CellOptions) -> int:
     """Run the cell until a signal ends it. Returns the exit code; raises ``CannotStart`` before anything is started."""
+    check_world(options.world)
     options = replace(options, http=_with_port(options.http), bus=_with_port(options.bus))
     processes = cell_processes(options, os.environ)
     check_ports(processes)
@@ -38,6 +41,13 @@ def run_cell(options: CellOptions) -> int:
             on_change=lambda pids: state.tell(options, pids),
         )
         return asyncio.run(supervisor.run())
+
+
+def check_world(name: str) -> None:
+    """Raises ``CannotStart`` if there is no such world."""
+    if not (world_folder(name) / MAP_FILE).is_file():
+        known = sorted(path.parent.name for path in Path(worlds.__path__[0]).glob(f"*/{MAP_FILE}"))
+        raise CannotStart(f"there is no world {name!r}: want {', '.join(known)}, or a folder that holds {MAP_FILE}")
 
 
 def check_ports(processes: Sequence[Process]) -> None:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import worlds
+
 
 @dataclass(frozen=True)
 class Address:
@@ -103,9 +105,15 @@ def _sim_arguments(options: CellOptions) -> tuple[str, ...]:
 
 
 def _planner_arguments(options: CellOptions) -> tuple[str, ...]:
-    store = options.state_dir / f"{options.robot}.sqlite"
-    return ("--robot", options.robot, "--map", options.world, "--store", str(store))
+    store = options.state_dir / options.robot / "planner.sqlite"
+    return ("--robot", options.robot, "--map", str(world_folder(options.world)), "--store", str(store))
 
 
 def _gateway_arguments(options: CellOptions) -> tuple[str, ...]:
     return ("--robot", options.robot, "--host", options.http.host, "--port", str(options.http.port))
+
+
+def world_folder(name: str) -> Path:
+    """The folder of a world: one that comes with rackhand, by its name, or one of the user's own, by its path."""
+    own = Path(name)
+    return own if own.is_dir() else Path(worlds.__path__[0]) / name

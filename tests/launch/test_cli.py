@@ -20,6 +20,15 @@ cli = CliRunner()
 RACKHAND = [sys.executable, "-m", "services.launch"]
 
 
+@pytest.fixture
+def up(tmp_path: Path) -> list[str]:
+    """``rackhand up`` on free ports, with a world whose folder exists."""
+    world = tmp_path / "world"
+    world.mkdir()
+    (world / "map.yaml").write_text("")
+    return ["up", "--world", str(world), "--port", "0", "--bus-port", "0"]
+
+
 def test_help_names_every_command() -> None:
     shown = cli.invoke(app, ["--help"]).output
     for command in ("up", "status", "world", "topics"):
@@ -48,6 +57,13 @@ def test_a_bad_speed_is_refused(speed: str) -> None:
     assert "want max, or a factor" in result.output
 
 
+def test_a_world_that_is_not_there_is_told(tmp_path: Path) -> None:
+    result = cli.invoke(app, ["up", "--world", "atlantis", "--state-dir", str(tmp_path / "var")])
+    assert result.exit_code == 1
+    assert "there is no world 'atlantis'" in result.output
+    assert not (tmp_path / "var").exists()
+
+
 def test_options_reach_the_services() -> None:
     options = CellOptions(world="empty", speed=None, lockstep=True, seed=7, profile="jackal", state_dir=Path("here"))
     table = {process.name: process for process in cell_processes(options, {})}
@@ -69,28 +85,28 @@ def test_a_bus_elsewhere_becomes_the_routers_neighbour() -> None:
     assert sim.env["RACKHAND_BUS_CONNECT"] == "tcp/127.0.0.1:7447"
 
 
-@pytest.mark.parametrize(("taken", "free"), [("--port", "--bus-port"), ("--bus-port", "--port")])
-def test_a_port_in_use_is_told_before_anything_starts(tmp_path: Path, taken: str, free: str) -> None:
+@pytest.mark.parametrize("taken", ["--port", "--bus-port"])
+def test_a_port_in_use_is_told_before_anything_starts(tmp_path: Path, up: list[str], taken: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as holder:
         port = holder.getsockname()[1]
-        result = cli.invoke(app, ["up", taken, str(port), free, "0", "--state-dir", str(tmp_path / "var")])
+        result = cli.invoke(app, [*up, taken, str(port), "--state-dir", str(tmp_path / "var")])
     assert result.exit_code == 1
     assert f"cannot listen on 127.0.0.1:{port}: Address already in use" in result.output
     assert f"with {taken}." in result.output
     assert not (tmp_path / "var").exists()
 
 
-def test_a_state_folder_serves_one_cell(tmp_path: Path) -> None:
+def test_a_state_folder_serves_one_cell(tmp_path: Path, up: list[str]) -> None:
     with (tmp_path / "cell.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        result = cli.invoke(app, ["up", "--port", "0", "--bus-port", "0", "--state-dir", str(tmp_path)])
+        result = cli.invoke(app, [*up, "--state-dir", str(tmp_path)])
     assert result.exit_code == 1
     assert "another cell runs on the state folder" in result.output
 
 
-def test_a_state_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_a_state_folder_that_cannot_be_made_is_told(tmp_path: Path, up: list[str]) -> None:
     (tmp_path / "file").write_text("")
-    result = cli.invoke(app, ["up", "--port", "0", "--bus-port", "0", "--state-dir", str(tmp_path / "file" / "var")])
+    result = cli.invoke(app, [*up, "--state-dir", str(tmp_path / "file" / "var")])
     assert result.exit_code == 1
     assert "cannot be used: Not a directory" in result.output
 
