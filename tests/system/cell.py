@@ -1,0 +1,179 @@
+"""A whole cell for a test: router, sim, planner and gateway as real processes, on free ports, with a state of its own.
+
+with Cell(tmp_path, "--speed", "max") as cell:
+    httpx.get(f"{cell.http}/healthz")
+    cell.kill("planner")            # SIGKILL; the supervisor brings it back
+    cell.wait_until_up()
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TypeVar
+
+from bus import BusConfig
+from services.launch.cell import CELL_FILE
+from services.launch.health import Health, ask_health
+
+ROOT = Path(__file__).parents[2]
+# Bounds on hanging, in wall seconds; nothing is measured by them. The very first start compiles for a minute.
+START = 240.0
+PATIENCE = 60.0
+POLL = 0.05
+
+T = TypeVar("T")
+
+
+class CellError(AssertionError):
+    """The cell did not do what the test waited for; the text ends with the last lines of its log."""
+
+
+class Cell:
+    """``rackhand up`` with the given options, started on entry and stopped on exit.
+
+    ``http`` is the gateway's URL, ``bus`` the router's end point; ``folder`` holds the log and the state.
+    """
+
+    http: str
+    bus: str
+
+    def __init__(self, folder: Path, *options: str, environment: dict[str, str] | None = None) -> None:
+        self.folder = folder
+        self.log = folder / "cell.log"
+        self.state_dir = folder / "var"
+        self._options = options
+        self._environment = environment or {}
+        self._supervisor: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Cell:
+        self.start()
+        try:
+            self.wait_until_up(START)
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    @property
+    def supervisor(self) -> subprocess.Popen[bytes]:
+        assert self._supervisor is not None, "the cell was not started"
+        return self._supervisor
+
+    def start(self) -> None:
+        """Start the supervisor, and wait until it has told its ports; the services may still be starting."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        command = [sys.executable, "-m", "services.launch", "up", "--port", "0", "--bus-port", "0"]
+        command += ["--state-dir", str(self.state_dir), *self._options]
+        with self.log.open("ab") as log:
+            self._supervisor = subprocess.Popen(
+                command,
+                cwd=ROOT,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **self._environment},
+                start_new_session=True,
+            )
+        facts = self.wait_for(self._facts, "its ports are told")
+        self.http, self.bus = facts["http"], facts["bus"]
+
+    def stop(self) -> int:
+        """Ask the supervisor to stop and wait until it has; returns its exit code."""
+        if self.supervisor.poll() is None:
+            self.supervisor.terminate()
+            try:
+                self.supervisor.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                self.supervisor.kill()
+                self.supervisor.wait()
+                raise CellError(f"the supervisor did not stop\n{self.tail()}") from None
+        return self.supervisor.returncode
+
+    # -- processes ---------------------------------------------------------------------------------------------------
+
+    def pid(self, service: str) -> int:
+        """The pid of ``router``, ``sim``, ``planner`` or ``gateway`` as last started."""
+        facts = self._facts() or {"pids": {}}
+        if service not in facts["pids"]:
+            raise CellError(f"{service} does not run\n{self.tail()}")
+        return int(facts["pids"][service])
+
+    def kill(self, service: str, number: signal.Signals = signal.SIGKILL) -> int:
+        """Send a signal (SIGKILL if none is named) to a service. Returns the pid it had."""
+        pid = self.pid(service)
+        os.kill(pid, number)
+        return pid
+
+    def wait_until_restarted(self, service: str, former_pid: int, timeout: float = PATIENCE) -> int:
+        """Wait until a service runs with another pid, and return that."""
+
+        def fresh() -> int | None:
+            pid = ((self._facts() or {}).get("pids") or {}).get(service, former_pid)
+            return int(pid) if pid != former_pid else None
+
+        return self.wait_for(fresh, f"{service} is started again", timeout)
+
+    # -- health ------------------------------------------------------------------------------------------------------
+
+    def health(self) -> Health | None:
+        """What ``/healthz`` says now; None while no gateway answers."""
+        return ask_health(self.http)
+
+    def wait_until_up(self, timeout: float = PATIENCE) -> Health:
+        """Wait until ``/healthz`` tells that all is up."""
+        return self._wait_for_health(lambda health: health.all_up, "every service is up", timeout)
+
+    def wait_until_down(self, service: str, timeout: float = PATIENCE) -> Health:
+        """Wait until ``/healthz`` tells that ``robot/service`` (as in ``amr1/planner``) is not up."""
+        return self._wait_for_health(lambda health: service in health.down, f"{service} is told to be down", timeout)
+
+    def _wait_for_health(self, holds: Callable[[Health], bool], what: str, timeout: float) -> Health:
+        def found() -> Health | None:
+            health = self.health()
+            return health if health is not None and holds(health) else None
+
+        return self.wait_for(found, what, timeout)
+
+    # -- waiting -----------------------------------------------------------------------------------------------------
+
+    def wait_for(self, found: Callable[[], T | None], what: str, timeout: float = PATIENCE) -> T:
+        """Poll until ``found()`` is something. Raises ``CellError`` with the log when it never is, or the cell ends."""
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            ended = self.supervisor.poll() is not None
+            if (value := found()) is not None:
+                return value
+            if ended:
+                raise CellError(f"the cell ended before {what}\n{self.tail()}")
+            time.sleep(POLL)
+        raise CellError(f"waited {timeout:g} s in vain until {what}\n{self.tail()}")
+
+    def bus_config(self) -> BusConfig:
+        """For a ``Bus`` of the test's own."""
+        return BusConfig(connect=self.bus)
+
+    def tail(self, lines: int = 60) -> str:
+        """The last lines of the log of all processes."""
+        with suppress(FileNotFoundError):
+            return "\n".join(self.log.read_text(errors="replace").splitlines()[-lines:])
+        return ""
+
+    def _facts(self) -> dict[str, Any] | None:
+        try:
+            return dict(json.loads((self.state_dir / CELL_FILE).read_text()))
+        except FileNotFoundError:
+            return None

@@ -1,0 +1,93 @@
+"""The cell as a user starts it: up, told, healed, stopped."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.launch.conftest import alive, gone
+from tests.system.cell import ROOT, Cell
+
+SERVICES = {"router": "cell/router", "sim": "world/sim", "planner": "amr1/planner", "gateway": "cell/gateway"}
+MakeCell = Callable[..., Cell]
+
+
+def rackhand(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "services.launch", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_every_service_is_up_and_told(cell: Cell) -> None:
+    answer = httpx.get(f"{cell.http}/healthz")
+    assert answer.status_code == 200
+    told = {f"{row['robot']}/{row['service']}" for row in answer.json()["services"]}
+    assert set(SERVICES.values()) <= told
+
+
+def test_says_where_things_are(cell: Cell) -> None:
+    log = cell.wait_for(lambda: text if "state " in (text := cell.log.read_text()) else None, "places are told")
+    for place in (f"{cell.http}/docs", f"{cell.http}/healthz", cell.bus):
+        assert place in log
+    assert httpx.get(f"{cell.http}/docs").status_code == 200
+
+
+def test_each_service_is_a_process_of_its_own(cell: Cell) -> None:
+    pids = {cell.pid(service) for service in SERVICES}
+    assert len(pids) == len(SERVICES)
+    assert all(os.getpgid(pid) == pid for pid in pids), "each leads its own process group"
+
+
+def test_status_tells_the_same(cell: Cell) -> None:
+    result = rackhand("status", "--state-dir", str(cell.state_dir))
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert all(service in result.stdout for service in SERVICES)
+
+
+def test_a_second_cell_on_the_same_state_is_refused(cell: Cell) -> None:
+    result = rackhand("up", "--port", "0", "--bus-port", "0", "--state-dir", str(cell.state_dir))
+    assert result.returncode == 1
+    assert "another cell runs on the state folder" in result.stderr
+
+
+@pytest.mark.parametrize("service", ["planner", "sim", "gateway", "router"])
+def test_a_killed_service_comes_back(cell: Cell, service: str) -> None:
+    former = cell.kill(service)
+    cell.wait_until_restarted(service, former)
+    cell.wait_until_up()
+    assert f"{service} ended with SIGKILL" in cell.log.read_text()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_ends_cleanly_on_a_signal(make_cell: MakeCell, number: signal.Signals) -> None:
+    cell = make_cell("--speed", "max")
+    pids = [cell.pid(service) for service in SERVICES]
+    cell.supervisor.send_signal(number)
+    assert cell.supervisor.wait(30) == 0
+    log = cell.log.read_text()
+    assert "killed:" not in log, "every service ended by itself"
+    assert log.rstrip().endswith("stopped")
+    assert not any(alive(pid) for pid in pids)
+    assert not (cell.state_dir / "cell.json").exists()
+
+
+def test_nothing_outlives_a_killed_supervisor(make_cell: MakeCell) -> None:
+    cell = make_cell("--speed", "max")
+    pids = [cell.pid(service) for service in SERVICES]
+    cell.supervisor.kill()
+    cell.supervisor.wait()
+    assert all(gone(pid) for pid in pids)
+
+
+def test_starts_again_on_what_a_killed_cell_left(tmp_path: Path) -> None:
+    with Cell(tmp_path, "--speed", "max") as first:
+        first.supervisor.kill()
+        first.supervisor.wait()
+    with Cell(tmp_path, "--speed", "max") as second:
+        assert second.health() is not None
