@@ -118,7 +118,7 @@ def unstored(created: CreateMap, now: int) -> MapData:
 
 def _to_data(created: CreateMap, map_id: int, now: int) -> MapData:
     digest = hashlib.sha256(f"{map_id} {created.map_name} {created.origin} {created.resolution}".encode() + created.png)
-    fields = created.model_dump() | {"uid": created.uid or digest.hexdigest()[:24]}
+    fields = created.model_dump(exclude={"op"}) | {"uid": created.uid or digest.hexdigest()[:24]}
     return MapData(**fields, id=map_id, create_time=now, last_modified_time=now)
 
 

@@ -38,6 +38,9 @@ UNIX_NS = 1_700_000_000 * NANOSECONDS
 FORWARD = Twist2(linear=0.5, angular=0.0)
 
 
+# ruff: noqa: ARG002
+
+
 class ScriptedNavigator:
     """Drives forward for ever, or does what the script says: a ``Progress`` to return, an exception to raise."""
 

@@ -1,0 +1,223 @@
+"""Control modes, the two emergency stops, remote driving, the jack."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from schemas import topics
+from schemas.base import NANOSECONDS, Pose2, Twist2
+from schemas.chassis import Battery, Jack, JackRequest, RemoteTwist, SetControlMode, SetEmergencyStop, SetPose
+from schemas.fail_reasons import MoveFailReason
+from services.planner.errors import RequestRefused
+from services.planner.interface import STANDSTILL, MoveFailed
+from services.planner.jacking import TIME_LIMIT_NS
+from tests.planner.fakes import FORWARD, STEP, Cell
+
+
+def remote(linear: float, angular: float = 0.0) -> RemoteTwist:
+    return RemoteTwist(twist=Twist2(linear=linear, angular=angular))
+
+
+@pytest.mark.parametrize("button", [False, True])
+def test_an_emergency_stop_holds_the_move_until_it_is_released(cell: Cell, button: bool) -> None:
+    def stop(on: bool) -> None:
+        if button:
+            cell.contacts["emergency_stop_button"] = on
+        else:
+            cell.ask(SetEmergencyStop(enable=on))
+
+    move = cell.create()
+    cell.tick(3)
+    stop(True)
+    assert 0 < cell.tick().twist.linear < FORWARD.linear
+    assert cell.tick(20_000 // 40).twist == STANDSTILL
+    assert cell.get(move.id).state == "moving"
+    assert cell.heard(topics.CHASSIS_STATUS)[-1].emergency_stop is True
+    assert cell.navigator.observed > 400, "it goes on looking"
+    stop(False)
+    assert cell.tick().twist == FORWARD
+    assert len(cell.navigator.goals) == 2, "the route starts from where the robot then is"
+    assert cell.events() == ["created"]
+
+
+def test_either_stop_holds(cell: Cell) -> None:
+    cell.create()
+    cell.contacts["emergency_stop_button"] = True
+    cell.tick()
+    cell.ask(SetEmergencyStop(enable=True))
+    cell.contacts["emergency_stop_button"] = False
+    assert cell.tick(20).twist == STANDSTILL
+    cell.contacts["emergency_stop_button"] = True
+    cell.tick()
+    assert "button is still pressed" in cell.ask(SetEmergencyStop(enable=False)).detail
+    assert cell.tick().twist == STANDSTILL
+
+
+def test_a_move_asked_for_in_an_emergency_stop_waits_for_the_release(cell: Cell) -> None:
+    cell.ask(SetEmergencyStop(enable=True))
+    move = cell.create()
+    cell.tick(50)
+    assert (cell.get(move.id).state, cell.navigator.goals) == ("moving", [])
+    cell.ask(SetEmergencyStop(enable=False))
+    assert cell.tick().twist == FORWARD
+
+
+def test_a_robot_stopped_on_its_goal_has_arrived(cell: Cell) -> None:
+    there = MoveFailed(MoveFailReason.STARTING_EQUAL_ENDING, "it is there")
+    cell.navigator.starts = [None, there]
+    move = cell.create()
+    cell.tick()
+    cell.ask(SetEmergencyStop(enable=True))
+    cell.tick(20)
+    cell.ask(SetEmergencyStop(enable=False))
+    assert cell.tick().twist == STANDSTILL
+    assert cell.get(move.id).state == "succeeded"
+
+
+@pytest.mark.parametrize("mode", ["manual", "remote"])
+def test_leaving_auto_cancels_the_move(cell: Cell, mode: str) -> None:
+    move = cell.create()
+    cell.tick()
+    cell.ask(SetControlMode(control_mode=mode))
+    assert cell.get(move.id).state == "cancelled"
+    assert cell.tick(20).twist == STANDSTILL
+    assert cell.heard(topics.CHASSIS_STATUS)[-1].control_mode == mode
+
+
+def test_outside_auto_a_move_is_accepted_and_cancelled(cell: Cell) -> None:
+    cell.ask(SetControlMode(control_mode="manual"))
+    move = cell.create()
+    assert move.state == "moving"
+    assert cell.tick().twist == STANDSTILL
+    assert (cell.get(move.id).state, cell.get(move.id).fail_reason) == ("cancelled", 0)
+    assert cell.heard(topics.MOVE_EVENT)[-1].text == "moves run in control mode auto, not manual"
+
+
+def test_remote_driving_is_limited_and_dies(cell: Cell) -> None:
+    cell.ask(SetControlMode(control_mode="remote"))
+    cell.ask(remote(5.0, -9.0))
+    commands = [cell.tick().twist for _ in range(12)]  # 480 ms
+    assert commands[0].linear == pytest.approx(0.5 * 0.04)
+    assert [c.linear for c in commands] == sorted(c.linear for c in commands)
+    assert min(c.angular for c in commands) == pytest.approx(-0.96)
+    after = [cell.tick().twist for _ in range(12)]
+    assert after[0].linear < commands[-1].linear
+    assert after[-1] == STANDSTILL
+
+
+def test_remote_driving_goes_on_while_it_is_repeated(cell: Cell) -> None:
+    cell.ask(SetControlMode(control_mode="remote"))
+    for _ in range(60):
+        cell.ask(remote(5.0))
+        cell.tick()
+    assert cell.twist.linear == pytest.approx(0.8)
+    for _ in range(60):
+        cell.ask(remote(-5.0))
+        cell.tick()
+    assert cell.twist.linear == pytest.approx(-0.2)
+
+
+def test_a_remote_twist_is_refused_with_its_reason(cell: Cell) -> None:
+    with pytest.raises(RequestRefused, match="control mode is auto; remote driving needs remote"):
+        cell.ask(remote(0.1))
+    cell.ask(SetControlMode(control_mode="remote"))
+    cell.ask(SetEmergencyStop(enable=True))
+    with pytest.raises(RequestRefused, match="emergency stop is on"):
+        cell.ask(remote(0.1))
+    cell.ask(SetEmergencyStop(enable=False))
+    cell.contacts["power_cable"] = True
+    cell.tick()
+    with pytest.raises(RequestRefused, match="power cable") as refused:
+        cell.ask(remote(0.1))
+    assert refused.value.code == "precondition"
+
+
+def test_an_emergency_stop_forgets_the_remote_twist(cell: Cell) -> None:
+    cell.ask(SetControlMode(control_mode="remote"))
+    cell.ask(remote(0.5))
+    cell.tick(3)
+    cell.ask(SetEmergencyStop(enable=True))
+    cell.tick()
+    cell.ask(SetEmergencyStop(enable=False))
+    assert cell.tick(3).twist == STANDSTILL
+
+
+def test_a_remote_twist_does_not_outlive_a_reset_of_time(cell: Cell) -> None:
+    cell.ask(SetControlMode(control_mode="remote"))
+    cell.stamp = 100 * STEP
+    cell.tick()
+    cell.ask(remote(0.5))
+    cell.chassis.begin_anew("reset")
+    cell.stamp = -STEP
+    assert cell.tick(3).twist == STANDSTILL
+
+
+def test_the_jack_goes_until_it_has_arrived(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell(jack=Jack(stamp=0, state="hold", progress=0.0, weight=0.0))
+    assert cell.tick().jack == "hold"
+    assert cell.ask(JackRequest(direction="up")).detail == "the jack goes up, from 0%"
+    for progress in (0.0, 0.3, 0.9995):
+        cell.jack = Jack(stamp=0, state="jacking_up", progress=progress, weight=0.0)
+        assert cell.tick().jack == ("up" if progress < 0.9 else "hold")
+    cell.jack = Jack(stamp=0, state="hold", progress=1.0, weight=0.0)
+    cell.tick()
+    assert cell.ask(JackRequest(direction="up")).detail == "the jack is up already"
+    cell.ask(JackRequest(direction="down"))
+    assert cell.tick().jack == "down"
+    cell.ask(SetEmergencyStop(enable=True))
+    assert cell.tick().jack == "hold"
+    cell.ask(SetEmergencyStop(enable=False))
+    assert cell.tick().jack == "down"
+
+
+def test_the_jack_waits_until_the_robot_stands(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell(jack=Jack(stamp=0, state="hold", progress=0.0, weight=0.0))
+    cell.create()
+    cell.tick(3)
+    cell.cancel()
+    cell.ask(JackRequest(direction="up"))
+    assert cell.tick().jack == "hold"
+    assert cell.tick(20).jack == "up"
+
+
+def test_a_jack_that_does_not_arrive_is_told(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell(jack=Jack(stamp=0, state="hold", progress=0.2, weight=0.0))
+    cell.ask(JackRequest(direction="up"))
+    assert cell.tick(2).jack == "up"
+    assert cell.tick(TIME_LIMIT_NS // STEP + 1).jack == "hold"
+    assert [a.code for a in cell.heard(topics.CHASSIS_STATUS)[-1].alerts] == [9016]
+    assert cell.create().state == "moving"
+
+
+def test_no_jack_no_jacking(cell: Cell) -> None:
+    with pytest.raises(RequestRefused, match="reports no jack"):
+        cell.ask(JackRequest(direction="up"))
+
+
+@pytest.mark.parametrize(
+    ("percentage", "charging", "codes"),
+    [(0.5, False, []), (0.19, False, [8501]), (0.09, False, [8003]), (0.09, True, [])],
+)
+def test_battery_alerts(cell: Cell, percentage: float, charging: bool, codes: list[int]) -> None:
+    cell.chassis.hear(Battery(stamp=0, percentage=percentage, voltage=24.0, current=1.0, charging=charging))
+    cell.tick()
+    alerts = cell.heard(topics.CHASSIS_STATUS)[-1].alerts
+    assert [alert.code for alert in alerts] == codes
+    assert [alert.level for alert in alerts] == ["error" if code == 8003 else "warning" for code in codes]
+
+
+def test_a_pose_is_a_hint_the_localiser_does_not_need(cell: Cell) -> None:
+    assert "not needed" in cell.ask(SetPose(pose=Pose2(x=0.0, y=0.0, yaw=0.0))).detail
+    cell.pose_alive = False
+    cell.stamp += NANOSECONDS
+    cell.tick()
+    with pytest.raises(RequestRefused, match="no localiser"):
+        cell.ask(SetPose(pose=Pose2(x=0.0, y=0.0, yaw=0.0)))
+
+
+def test_standing_still_is_commanded_too(cell: Cell) -> None:
+    command = cell.tick()
+    assert (command.twist, command.answers, command.jack) == (STANDSTILL, cell.stamp, "hold")
+    assert cell.navigator.observed == 1
