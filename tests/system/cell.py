@@ -33,6 +33,11 @@ POLL = 0.05
 T = TypeVar("T")
 
 
+def environment() -> dict[str, str]:
+    """This process's own, without what a surrounding ``make`` says to another ``make``."""
+    return {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS", "ARGS")}
+
+
 class CellError(AssertionError):
     """The cell did not do what the test waited for; the text ends with the last lines of its log."""
 
@@ -73,19 +78,22 @@ class Cell:
         assert self._supervisor is not None, "the cell was not started"
         return self._supervisor
 
+    def command(self) -> list[str]:
+        """What starts the supervisor."""
+        own = ["--port", "0", "--bus-port", "0", "--state-dir", str(self.state_dir)]
+        return [sys.executable, "-m", "services.launch", "up", *own, *self._options]
+
     def start(self) -> None:
         """Start the supervisor, and wait until it has told its ports; the services may still be starting."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        command = [sys.executable, "-m", "services.launch", "up", "--port", "0", "--bus-port", "0"]
-        command += ["--state-dir", str(self.state_dir), *self._options]
         with self.log.open("ab") as log:
             self._supervisor = subprocess.Popen(
-                command,
+                self.command(),
                 cwd=ROOT,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, **self._environment},
+                env={**environment(), **self._environment},
                 start_new_session=True,
             )
         facts = self.wait_for(self._facts, "its ports are told")
