@@ -132,6 +132,7 @@ class Chassis:
 
     def fail_internally(self, error: Exception) -> ChassisCommand:
         """In place of a ``tick`` that raised: end the move, and brake without the help of what may be broken."""
+        self._distance = 0.0
         with contextlib.suppress(Exception):  # the navigator and the store may be what is broken; the move is over
             self._fail(MoveFailReason.INTERNAL_ERROR, f"{type(error).__name__}: {error}"[:500])
         self._commanded = _at_rest(self._ramp_to(STANDSTILL))

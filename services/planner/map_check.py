@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import math
 from typing import Any
 
@@ -11,6 +10,7 @@ from PIL import Image, UnidentifiedImageError
 
 from schemas.maps import CreateMap, Overlays
 from services.planner.errors import RequestRefused
+from services.planner.plain_json import json_trouble
 
 MAX_PIXELS = 50_000_000
 RESOLUTION_RANGE = (0.001, 1.0)  # metres a cell
@@ -45,10 +45,8 @@ def check_png(png: bytes) -> tuple[int, int]:
 
 def check_overlays(overlays: Overlays) -> None:
     """A FeatureCollection of points, lines and polygons in finite map coordinates. Rings may be open."""
-    try:
-        json.dumps(overlays, allow_nan=False)
-    except (TypeError, ValueError, RecursionError) as error:
-        raise _invalid("overlays", f"not plain JSON: {error}") from None
+    if (trouble := json_trouble(overlays)) is not None:
+        raise _invalid("overlays", trouble)
     if overlays.get("type") != "FeatureCollection":
         raise _invalid("overlays.type", f"{overlays.get('type')!r}, want 'FeatureCollection'")
     features = overlays.get("features")
@@ -65,7 +63,7 @@ def _check_feature(where: str, feature: Any) -> None:
         raise _invalid(f"{where}.properties", f"{type(feature['properties']).__name__}, want an object")
     geometry = feature.get("geometry")
     kind = geometry.get("type") if isinstance(geometry, dict) else None
-    if not isinstance(geometry, dict) or kind not in _GEOMETRIES:
+    if not isinstance(geometry, dict) or not isinstance(kind, str) or kind not in _GEOMETRIES:
         raise _invalid(f"{where}.geometry", f"type {kind!r}, want one of {', '.join(_GEOMETRIES)}")
     coordinates: Any = geometry.get("coordinates")
     _check_positions(f"{where}.geometry.coordinates", coordinates, _GEOMETRIES[kind])

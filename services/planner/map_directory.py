@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from schemas.codec import explain
+from schemas.codec import MalformedMessage, codec_for, explain
 from schemas.maps import CreateMap
 from services.planner.errors import RequestRefused
 from services.planner.map_check import check_map
@@ -46,10 +46,13 @@ def read_map_directory(directory: Path) -> DirectoryMap:
     try:
         created = CreateMap(**fields)
         check_map(created)
+        codec_for(CreateMap).dumps(created)  # an integer of any size is JSON, and yet cannot be told on the bus
     except ValidationError as error:
         raise MapDirectoryError(f"{directory}: {explain(error)}") from None
     except RequestRefused as refused:
         raise MapDirectoryError(f"{directory}: {refused.text}") from None
+    except MalformedMessage as malformed:
+        raise MapDirectoryError(f"{directory}: {malformed}") from None
     changed = max(int(p.stat().st_mtime) for p in (description_path, image_path, overlays_path) if p.exists())
     return DirectoryMap(created.model_copy(update={"uid": _content_uid(created)}), changed)
 

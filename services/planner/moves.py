@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 from schemas.fail_reasons import MoveFailReason
 from schemas.moves import DEPRECATED_MOVE_TYPES, Move, MoveCreate
 from services.planner.errors import RequestRefused
+from services.planner.plain_json import json_trouble
 
 TARGET_MISSING = "(target_x target_y) or target_ori must be provided"  # the real robot's words, clients compare them
 WITHOUT_TARGET = DEPRECATED_MOVE_TYPES | {"follow_target", "along_given_route"}
@@ -37,7 +37,8 @@ def check(request: MoveCreate) -> None:
     A well-formed but impossible target is none of this function's business: such a move is accepted, and fails.
     """
     _check_target(request)
-    _check_plain_json("properties", request.properties)
+    if (trouble := json_trouble(request.properties)) is not None:
+        raise RequestRefused("invalid", f"properties: {trouble}")
     rotate = request.properties.get("inplace_rotate")
     if rotate is not None and not isinstance(rotate, bool):
         raise RequestRefused("invalid", f"properties.inplace_rotate is {rotate!r}, want true or false")
@@ -50,16 +51,6 @@ def _check_target(request: MoveCreate) -> None:
     exempt = request.type in WITHOUT_TARGET or (request.type in RACK_TYPES and request.rack_area_id is not None)
     if not exempt and (request.target_x is None or half_a_point) and request.target_ori is None:
         raise RequestRefused("invalid", TARGET_MISSING)
-
-
-def _check_plain_json(name: str, value: dict[str, Any]) -> None:
-    """msgpack can carry more than JSON (bytes, NaN, integer keys), but the record is kept and echoed as JSON."""
-    try:
-        same = json.loads(json.dumps(value, allow_nan=False)) == value
-    except (TypeError, ValueError, RecursionError) as error:
-        raise RequestRefused("invalid", f"{name}: not plain JSON: {error}") from None
-    if not same:
-        raise RequestRefused("invalid", f"{name}: not plain JSON: keys must be strings")
 
 
 class MoveBook:
