@@ -7,7 +7,7 @@ import sys
 import time
 import urllib.request
 
-GOAL = {"creator": "ci", "type": "standard", "target_x": 2.0, "target_y": 0.0, "target_ori": 0.0}
+GOAL = {"creator": "ci", "type": "standard", "target_x": 5.5, "target_y": 7.5, "target_ori": 0.0}
 PATIENCE = 180.0
 
 opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))

@@ -15,11 +15,10 @@ from pathlib import Path
 
 import worlds
 from services.launch.health import Health, ask_health
-from services.launch.processes import Address, CellOptions, Process, cell_processes, world_folder
+from services.launch.processes import WORLD_FILE, Address, CellOptions, Process, cell_processes, world_folder
 from services.launch.supervisor import Supervisor
 
 CELL_FILE = "cell.json"
-MAP_FILE = "map.yaml"
 SLOW_START = 30.0  # seconds after which a cell that is not ready yet is told of
 
 
@@ -45,9 +44,9 @@ def run_cell(options: CellOptions) -> int:
 
 def check_world(name: str) -> None:
     """Raises ``CannotStart`` if there is no such world."""
-    if not (world_folder(name) / MAP_FILE).is_file():
-        known = sorted(path.parent.name for path in Path(worlds.__path__[0]).glob(f"*/{MAP_FILE}"))
-        raise CannotStart(f"there is no world {name!r}: want {', '.join(known)}, or a folder that holds {MAP_FILE}")
+    if not (world_folder(name) / WORLD_FILE).is_file():
+        known = sorted(path.parent.name for path in Path(worlds.__path__[0]).glob(f"*/{WORLD_FILE}"))
+        raise CannotStart(f"there is no world {name!r}: want {', '.join(known)}, or a folder that holds {WORLD_FILE}")
 
 
 def check_ports(processes: Sequence[Process]) -> None:

@@ -22,8 +22,9 @@ class Health:
 
     @property
     def down(self) -> tuple[str, ...]:
-        """``robot/service`` of all that is not up."""
-        return tuple(f"{row.get('robot')}/{row.get('service')}" for row in self.rows if row.get("status") != "up")
+        """``robot/service`` of all that should be up and is not."""
+        missing = [row for row in self.rows if row.get("status") != "up" and row.get("expected", True)]
+        return tuple(f"{row.get('robot')}/{row.get('service')}" for row in missing)
 
 
 def ask_health(url: str, timeout: float = 1.0) -> Health | None:

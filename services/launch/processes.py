@@ -9,6 +9,8 @@ from pathlib import Path
 
 import worlds
 
+WORLD_FILE = "world.yaml"
+
 
 @dataclass(frozen=True)
 class Address:
@@ -114,6 +116,6 @@ def _gateway_arguments(options: CellOptions) -> tuple[str, ...]:
 
 
 def world_folder(name: str) -> Path:
-    """The folder of a world: one that comes with rackhand, by its name, or one of the user's own, by its path."""
+    """The folder of a world: one of the user's own, by its path, or one that comes with rackhand, by its name."""
     own = Path(name)
-    return own if own.is_dir() else Path(worlds.__path__[0]) / name
+    return own if (own / WORLD_FILE).is_file() else Path(worlds.__path__[0]) / name

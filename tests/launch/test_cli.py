@@ -25,7 +25,7 @@ def up(tmp_path: Path) -> list[str]:
     """``rackhand up`` on free ports, with a world whose folder exists."""
     world = tmp_path / "world"
     world.mkdir()
-    (world / "map.yaml").write_text("")
+    (world / "world.yaml").write_text("")
     return ["up", "--world", str(world), "--port", "0", "--bus-port", "0"]
 
 
@@ -45,9 +45,9 @@ def test_help_of_every_command_shows_examples(command: str) -> None:
 def test_topics_prints_every_row(flag: list[str]) -> None:
     result = cli.invoke(app, ["topics", *flag])
     assert result.exit_code == 0
-    for row in (*TOPICS, *QUERIES):
-        assert row.key.replace("{robot}", "<robot>") in result.output
-        assert row.text in result.output
+    for key, text in [(t.key, t.text) for t in TOPICS] + [(q.key, q.text) for q in QUERIES]:
+        assert key.replace("{robot}", "<robot>") in result.output
+        assert text in result.output
 
 
 @pytest.mark.parametrize("speed", ["0", "-1", "fast", "1001", "nan", "inf"])
