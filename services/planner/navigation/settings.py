@@ -1,0 +1,113 @@
+"""Every threshold of the navigation, with units. Names under ``control`` are those of the chassis' settings API."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What may be commanded: m/s, rad/s, m/s², rad/s². Decelerations are negative, as in the API."""
+
+    max_forward_velocity: float = 1.2
+    max_backward_velocity: float = -0.2
+    max_forward_acc: float = 0.5
+    max_forward_decel: float = -2.0
+    max_angular_velocity: float = 1.2
+    max_angular_acc: float = 1.5
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """How the chassis follows a command: a dead time, then a first-order lag, both in seconds."""
+
+    latency: float = 0.04
+    lag: float = 0.1
+
+
+@dataclass(frozen=True)
+class PoseNoise:
+    """Standard deviations for the pose filter: of one localised pose, and of odometry for what was driven."""
+
+    position: float = 0.01  # m
+    yaw: float = 0.005  # rad
+    odometry_per_metre: float = 0.01  # m for a driven metre
+    odometry_yaw_per_metre: float = 0.005  # rad for a driven metre
+    odometry_yaw_per_radian: float = 0.01  # rad for a turned radian
+
+
+@dataclass(frozen=True)
+class MppiSettings:
+    """Model predictive path integral control, used while something moves nearby."""
+
+    samples: int = 1000
+    steps: int = 30
+    step: float = 0.1  # s; 3 s ahead, since at 0.5 m/s² making way for a walker takes 2 s
+    temperature: float = 0.3
+    noise_linear: float = 0.35  # m/s
+    noise_angular: float = 0.6  # rad/s
+    banks: int = 8  # sets of noise drawn once, used in turn
+
+
+@dataclass(frozen=True)
+class NavigationSettings:
+    """Distances in metres, angles in radians, times in seconds of simulation time."""
+
+    control: Limits = field(default_factory=Limits)
+    actuation: Actuation = field(default_factory=Actuation)
+    noise: PoseNoise = field(default_factory=PoseNoise)
+    mppi: MppiSettings = field(default_factory=MppiSettings)
+
+    # the map
+    slow_zone_velocity: float = 0.4
+    static_match_distance: float = 0.11  # a hit this near to a mapped obstacle is that obstacle
+
+    # what the scan shows
+    obstacle_range: float = 8.0
+    scan_timeout: float = 1.0
+    scan_fail_after: float = 5.0
+    scan_min_valid_fraction: float = 0.05
+    pose_timeout: float = 0.5
+    forget_after: float = 300.0
+    forget_mover_after: float = 2.0
+
+    # the global plan
+    plan_margin: float = 0.03  # clearance of the footprint along a plan
+    ground_margin: float = 0.0  # clearance of the footprint at start and goal
+    comfort_clearance: float = 0.5  # beyond the inscribed circle; nearer costs more
+    clearance_weight: float = 4.0
+    max_expansions: int = 3_000_000
+    heuristic_weight: float = 1.3
+
+    # driving
+    lookahead_time: float = 0.8
+    min_lookahead: float = 0.3
+    max_lookahead: float = 0.9
+    max_lateral_acc: float = 0.6
+    approach_decel: float = 0.4  # m/s², for stops that are foreseen
+    full_speed_clearance: float = 0.45
+    min_clearance_velocity: float = 0.3
+    rotate_first_angle: float = 0.6
+    off_path_distance: float = 0.35
+    path_check_distance: float = 5.0
+    stop_before_obstacle: float = 0.35
+
+    # arrival
+    position_tolerance: float = 0.012  # where the approach stops, if the goal's accuracy is not smaller
+    yaw_tolerance: float = 0.012
+    equal_yaw: float = 0.035  # start = goal: 2 degrees
+
+    # the last check
+    safety_margin: float = 0.015
+    safety_radius: float = 2.5
+
+    # patience
+    blocked_patience: float = 1.5  # before planning round something that moves
+    replan_period: float = 0.5  # while blocked
+    improve_period: float = 3.0  # look for a better way this often
+    improve_ratio: float = 0.8  # and take it when it is this much shorter
+    stuck_after: float = 4.0
+    sealed_patience: float = 10.0  # at start, for unmapped things that seal the way
+    planning_timeout: float = 60.0
+    move_timeout: float = 60.0
+    rotate_timeout: float = 30.0

@@ -1,0 +1,62 @@
+"""Drives a short imaginary move so that every compiled function exists before a real one begins."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable
+
+import numpy as np
+from PIL import Image
+
+from schemas.base import Pose2, Twist2
+from schemas.chassis import Scan
+from schemas.maps import MapData
+from services.planner.interface import Goal, Navigator, Observation
+from services.planner.navigation.settings import NavigationSettings
+
+TICK = 40_000_000
+
+
+def warm_up(settings: NavigationSettings, make: Callable[[NavigationSettings], Navigator]) -> None:
+    """Makes a navigator of its own for it; the one that is being warmed keeps its map and state."""
+    navigator = make(settings)
+    navigator.set_map(_room())
+    navigator.start(Goal(4.0, 2.0, 1.0), _seen(0))
+    for k in range(3):
+        navigator.tick(_seen(k * TICK))
+    navigator.stop()
+    # A corridor in which the body cannot turn: the search with the footprint.
+    navigator.set_map(_room(corridor=True))
+    navigator.observe(_seen(3 * TICK))
+    navigator.start(Goal(4.0, 2.5, 0.0), _seen(3 * TICK))
+    navigator.tick(_seen(3 * TICK))
+    navigator.brake(_seen(4 * TICK))
+
+
+def _room(corridor: bool = False) -> MapData:
+    grey = np.full((100, 120), 254, dtype=np.uint8)
+    grey[[0, -1]] = grey[:, [0, -1]] = 0
+    if corridor:
+        grey[:44] = grey[57:] = 0
+    stream = io.BytesIO()
+    Image.fromarray(grey).save(stream, "PNG")
+    return MapData(
+        id=-1, uid="warm-up", map_name="warm-up", create_time=0, last_modified_time=0, png=stream.getvalue(),
+        origin=(0.0, 0.0), resolution=0.05,
+    )  # fmt: skip
+
+
+def _seen(stamp: int) -> Observation:
+    pose = Pose2(x=1.0, y=2.47, yaw=0.0)
+    ranges = np.full(360, 9.0, dtype="<f4")
+    ranges[:5] = 0.6  # something behind
+    scan = Scan(
+        stamp=stamp,
+        sensor=Pose2(x=0.0, y=0.0, yaw=0.0),
+        angle_min=-math.pi,
+        angle_step=math.pi / 180,
+        range_max=10.0,
+        ranges=ranges,
+    )
+    return Observation(stamp, pose, stamp, pose, Twist2(linear=0.0, angular=0.0), scan)
