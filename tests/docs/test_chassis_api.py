@@ -1,0 +1,25 @@
+"""The page on the chassis API names every endpoint and topic there is, and none that is not."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from services.gateway.app import create_app
+from services.gateway.topics import PAYLOADS
+
+PAGE = (Path(__file__).parents[2] / "docs" / "chassis-api.md").read_text(encoding="utf-8")
+
+
+def test_every_endpoint_is_listed() -> None:
+    document = create_app().openapi()
+    real = {f"{method.upper()} {path}" for path, methods in document["paths"].items() for method in methods}
+    listed = set(re.findall(r"^\| `((?:GET|POST|PATCH|PUT|DELETE) \S+)` \|", PAGE, re.MULTILINE))
+    assert listed == real
+
+
+def test_every_websocket_topic_is_listed() -> None:
+    section = PAGE.partition("## WebSocket")[2].partition("Clients may send")[0]
+    rows = [row for row in section.splitlines() if row.startswith("| `")]
+    listed = {name for row in rows for name in re.findall(r"`(/[a-z0-9_/]+)`", row.split("|")[1])}
+    assert listed == set(PAYLOADS)
