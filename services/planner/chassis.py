@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from schemas.base import NANOSECONDS, Message, Pose2, Twist2
 from schemas.chassis import (
     ChassisCommand,
@@ -87,14 +89,18 @@ class Chassis:
 
     def hear(self, message: Message) -> None:
         """A measurement of the driver or the localiser."""
+        if isinstance(message, ChassisModel) and not self._same_body(message):
+            self._navigator.set_footprint(message.footprint)
         self._sensed.take(message)
         match message:
             case Contacts(emergency_stop_button=pressed):
                 self._modes.stop(pressed=pressed)
-            case ChassisModel(footprint=footprint):
-                self._navigator.set_footprint(footprint)
             case Odometry(stamp=stamp):
                 self._stamp = stamp
+
+    def _same_body(self, model: ChassisModel) -> bool:
+        known = self._sensed.model
+        return known is not None and np.array_equal(known.footprint, model.footprint)
 
     def hear_clock(self, clock: Clock) -> None:
         self._unix_ns, self._stamp = clock.unix_ns, clock.stamp
@@ -155,7 +161,6 @@ class Chassis:
             self._fail(failed.reason, failed.text)
             return self._rest(seen)
         if progress is None:
-            self._observe(seen)
             return self._rest(seen)
         self._note(progress)
         if progress.arrived:
@@ -177,9 +182,9 @@ class Chassis:
         return self._sensed.pose_trouble()
 
     def _idle(self, seen: Observation | None) -> Twist2:
-        self._observe(seen)
         if self._modes.control_mode != "remote" or self._modes.emergency_stop or self._sensed.power_cable:
             return self._rest(seen)
+        self._observe(seen)
         wanted = STANDSTILL if self._jack.active else self._modes.remote_twist(self._stamp)
         return self._ramp_to(wanted)
 
@@ -188,8 +193,9 @@ class Chassis:
             self._navigator.observe(seen)
 
     def _rest(self, seen: Observation | None) -> Twist2:
-        """Come to rest, or stay there."""
+        """Come to rest, or stay there. Navigation either looks or brakes: braking looks too."""
         if self._commanded == STANDSTILL:
+            self._observe(seen)
             return STANDSTILL
         return _at_rest(self._ramp_to(STANDSTILL) if seen is None else self._navigator.brake(seen))
 
