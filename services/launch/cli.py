@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from datetime import datetime
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -139,8 +140,21 @@ def _known_url(state_dir: Path) -> str | None:
 
 
 def _health_table(health: Health) -> str:
-    columns = list(dict.fromkeys(key for row in health.rows for key in row))
-    return reference.plain((tuple(columns), [tuple(str(row.get(key, "")) for key in columns) for row in health.rows]))
+    rows = [
+        (
+            f"{row.get('robot')}/{row.get('service')}",
+            str(row.get("status")),
+            _clock(row.get("since")),
+            str(row.get("restarts", 0)),
+        )
+        for row in health.rows
+    ]
+    return reference.plain((("service", "status", "since", "restarts"), rows))
+
+
+def _clock(since: object) -> str:
+    """Unix seconds as local time."""
+    return f"{datetime.fromtimestamp(since):%H:%M:%S}" if isinstance(since, float) else "-"
 
 
 def _fail(text: str) -> NoReturn:
