@@ -1,0 +1,73 @@
+"""Twenty random goals in the warehouse, a person walking and two unmapped crates: all reached, nothing touched."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.ndimage import distance_transform_edt
+
+import worlds
+from schemas.base import Pose2
+from schemas.world import Place
+from tests.system.cell import Cell
+from tests.system.driving import Driver
+from tests.system.judge import Judge, distance, standard, turn
+
+CRATES = {"crate_1": (9.4, 7.1), "crate_2": (14.3, 9.6)}
+SEED, GOALS = 20, 20
+CLEARANCE = 0.7  # m, from a goal to anything: the chassis turns there
+
+
+@pytest.fixture
+def driver(make_cell: Callable[..., Cell]) -> Iterator[Driver]:
+    cell = make_cell("--lockstep", "--speed", "max", "--seed", str(SEED))
+    with Judge(cell.bus) as judge:
+        driver = Driver(cell, judge)
+        yield driver
+        driver.close()
+
+
+def free_goals(things: dict[str, tuple[float, float]]) -> Iterator[tuple[float, float, float]]:
+    """Random poses with room around them, by the map's picture and by where racks and crates truly stand."""
+    folder = Path(worlds.__file__).parent / "warehouse"
+    grey = np.asarray(Image.open(folder / "map.png").convert("L"))
+    room = distance_transform_edt(grey > 200)[::-1] * 0.05
+    height, width = room.shape
+    rng = random.Random(SEED)
+    while True:
+        x, y = rng.uniform(0.5, 19.5), rng.uniform(0.5, 13.5)
+        row, column = int(y / 0.05), int(x / 0.05)
+        crowded = any(math.hypot(x - tx, y - ty) < CLEARANCE + 0.75 for tx, ty in things.values())
+        if row < height and column < width and room[row, column] > CLEARANCE and not crowded:
+            yield x, y, rng.uniform(-math.pi, math.pi)
+
+
+def test_twenty_goals_are_reached_and_nothing_is_touched(driver: Driver) -> None:
+    judge = driver.judge
+    for name, (x, y) in CRATES.items():
+        judge.ask(Place(name=name, pose=Pose2(x=x, y=y, yaw=0.4), size=(0.5, 0.4, 0.5)))
+    racks = {name: (pose.x, pose.y) for name, pose in judge.true_poses().items() if name.startswith("rack")}
+    goals = free_goals(racks | CRATES)
+    rows = []
+    for number in range(GOALS):
+        x, y, yaw = next(goals)
+        begun = judge.now()
+        move = driver.drive(standard(x, y, yaw), within=300.0)
+        pose, world = judge.true_pose("amr1"), judge.inspect()
+        off, turned = distance(pose, x, y), math.degrees(turn(pose.yaw, yaw))
+        rows.append(
+            (number, x, y, yaw, move["state"], world.clock.stamp / 1e9 - begun, off, turned, world.contact_count)
+        )
+    print(f"\n{'goal':>4} {'x':>6} {'y':>6} {'yaw':>6} {'state':<10} {'s':>6} {'off m':>6} {'off °':>6} contacts")
+    for row in rows:
+        print("{:>4} {:>6.2f} {:>6.2f} {:>6.2f} {:<10} {:>6.1f} {:>6.3f} {:>6.2f} {:>8}".format(*row))
+    assert [row[4] for row in rows] == ["succeeded"] * GOALS
+    assert max(row[6] for row in rows) <= 0.05
+    assert max(row[7] for row in rows) <= 2.0
+    assert judge.inspect().contacts == ()

@@ -1,0 +1,156 @@
+"""Ten thousand malformed bodies, frames and payloads against a running cell: no crash, no 500, no traceback told.
+
+``RACKHAND_FUZZ_EXAMPLES`` sets how many in all; they are seeded, so that a failure comes back.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+import zenoh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from websockets.sync.client import ClientConnection, connect
+
+from schemas.topics import QUERIES, TOPICS
+from tests.system.cell import Cell
+from tests.system.driving import Driver
+from tests.system.judge import Judge, standard
+
+EXAMPLES = int(os.environ.get("RACKHAND_FUZZ_EXAMPLES", "10000"))
+SHARE = max(1, EXAMPLES // 4)
+
+POSTS = ("/chassis/moves", "/chassis/current-map", "/chassis/pose", "/maps/", "/services/jack_up",
+         "/services/wheel_control/set_control_mode", "/services/wheel_control/set_emergency_stop")  # fmt: skip
+PATCHES = ("/chassis/moves/current", "/maps/1", "/chassis/moves/1")
+GETS = ("/chassis/moves/{}", "/maps/{}", "/maps/{}.png", "/{}")
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=12),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=12), inner, max_size=4),
+    max_leaves=10,
+)
+move_like = st.fixed_dictionaries(
+    {},
+    optional={
+        key: json_values
+        for key in ("creator", "type", "target_x", "target_y", "target_ori", "target_accuracy", "use_target_zone",
+                    "properties", "route_coordinates", "rack_area_id", "map_id", "overlays", "control_mode", "enable",
+                    "state", "occupancy_grid", "position", "ori")
+    },
+)  # fmt: skip
+bodies = (
+    st.binary(max_size=200)
+    | (json_values | move_like).map(lambda value: json.dumps(value).encode())
+    | st.sampled_from(
+        [b"", b"{", b"[" * 5000, b'{"target_x":1e999}', b'{"a":NaN}', b"\xff\xfe", b'{"a":1,"a":2}', b"9" * 400]
+    )
+)
+bounded = settings(
+    max_examples=SHARE, deadline=None, database=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
+
+
+@pytest.fixture(scope="module")
+def client(cell: Cell) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=cell.http, timeout=30.0) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def socket(cell: Cell) -> Iterator[ClientConnection]:
+    with connect(cell.http.replace("http", "ws") + "/ws/v2/topics", max_size=None) as socket:
+        yield socket
+
+
+@pytest.fixture(scope="module", autouse=True)
+def nobody_dies(cell: Cell) -> Iterator[None]:
+    """All processes are the same before and after, and a move still works."""
+    services = ("router", "sim", "planner", "gateway")
+    before = [cell.pid(service) for service in services]
+    yield
+    assert [cell.pid(service) for service in services] == before
+    assert "Traceback" not in cell.log.read_text()
+    with Judge(cell.bus) as judge:
+        driver = Driver(cell, judge)
+        driver.request("POST", "/services/wheel_control/set_control_mode", {"control_mode": "auto"})
+        driver.request("POST", "/services/wheel_control/set_emergency_stop", {"enable": False})
+        driver.use_stored_map()
+        pose = judge.true_pose("amr1")
+        assert driver.drive(standard(pose.x + 1.0 if pose.x < 6 else pose.x - 1.0, 1.5))["state"] == "succeeded"
+
+
+def check(answer: httpx.Response) -> None:
+    assert answer.status_code < 500, (
+        f"{answer.request.method} {answer.request.url} -> {answer.status_code} {answer.text}"
+    )
+    assert "Traceback" not in answer.text
+
+
+@given(path=st.sampled_from(POSTS), body=bodies)
+@bounded
+def test_http_posts(client: httpx.Client, path: str, body: bytes) -> None:
+    check(client.post(path, content=body, headers={"Content-Type": "application/json"}))
+
+
+@given(path=st.sampled_from(PATCHES), body=bodies, get=st.sampled_from(GETS), name=st.text(max_size=20))
+@settings(bounded, max_examples=max(1, SHARE // 2))
+def test_http_patches_and_paths(client: httpx.Client, path: str, body: bytes, get: str, name: str) -> None:
+    check(client.patch(path, content=body))
+    check(client.get(get.format("".join(f"%{byte:02X}" for byte in name.encode("utf-8", "replace")))))
+
+
+frames = (
+    st.binary(max_size=60)
+    | st.text(max_size=60)
+    | json_values.map(json.dumps)
+    | st.fixed_dictionaries(
+        {},
+        optional={
+            "enable_topic": json_values | st.sampled_from(["/planning_state", "/map", "/twist"]),
+            "disable_topic": json_values,
+            "topic": json_values | st.sampled_from(["/twist", "/follow_target_state", "/get_device_info_brief"]),
+            "linear_velocity": json_values,
+            "angular_velocity": json_values,
+        },
+    ).map(json.dumps)
+)
+
+
+@given(frame=frames)
+@bounded
+def test_websocket_frames(socket: ClientConnection, frame: str | bytes) -> None:
+    socket.send(frame)
+
+
+def test_the_socket_still_answers(socket: ClientConnection) -> None:
+    socket.send(json.dumps({"enable_topic": "/wheel_state"}))
+    while (
+        "enabled_topics" not in (told := json.loads(socket.recv(timeout=30)))
+        or told["enabled_topics"][0] != "/wheel_state"
+    ):
+        pass
+
+
+def test_zenoh_payloads(cell: Cell) -> None:
+    """Garbage on every topic and query, from a client that may say anything."""
+    rng = random.Random(5)
+    with zenoh.open(cell.bus_config().zenoh_config()) as session:
+        session.liveliness().declare_subscriber("rackhand/amr1/alive/planner", history=True).recv()
+        for _ in range(SHARE):
+            row: Any = rng.choice((*TOPICS, *QUERIES))
+            payload = bytes(rng.randrange(256) for _ in range(rng.randrange(40)))
+            if rng.random() < 0.5:
+                payload = b"\x81\xa7request\x82\xa2op\xa6create" + payload
+            if row in QUERIES:
+                for reply in session.get(row.key_for("amr1"), payload=payload, timeout=10.0):
+                    assert reply.err is not None
+                    assert b"malformed" in reply.err.payload.to_bytes()
+            else:
+                session.put(row.key_for("amr1"), payload)
