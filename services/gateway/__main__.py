@@ -1,0 +1,50 @@
+"""``python -m services.gateway``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+from pydantic import ValidationError
+
+from schemas.codec import explain
+from services.gateway.service import run
+from services.gateway.settings import Settings, parse_service
+
+EPILOG = """Examples:\n
+  python -m services.gateway\n
+  python -m services.gateway --robot amr2 --port 8091\n
+  python -m services.gateway --host 0.0.0.0 --expect amr1/planner --expect world/sim\n
+Everything else is set in the environment, as in RACKHAND_GATEWAY_SECRET=… or RACKHAND_GATEWAY_SERVICE_STATUS=201.
+"""
+
+
+def main(
+    robot: Annotated[str | None, typer.Option(help="The robot this gateway is the API of (amr1).")] = None,
+    host: Annotated[str | None, typer.Option(help="Address to listen on (127.0.0.1: this machine only).")] = None,
+    port: Annotated[int | None, typer.Option(help="TCP port to listen on (8090).")] = None,
+    expect: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="ROBOT/SERVICE that /healthz wants to see; may be given several times. "
+            "By default cell/router, world/sim and the robot's planner."
+        ),
+    ] = None,
+) -> None:
+    """HTTP and WebSocket for clients of one robot."""
+    given: dict[str, Any] = {"robot": robot, "host": host, "port": port, "expect": tuple(expect) if expect else None}
+    try:
+        settings = Settings(**{name: value for name, value in given.items() if value is not None})
+        for text in settings.expect:
+            parse_service(text)
+    except ValidationError as error:
+        raise typer.BadParameter(explain(error)) from None
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--expect") from None
+    run(settings)
+
+
+if __name__ == "__main__":
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command(epilog=EPILOG)(main)
+    app()

@@ -1,0 +1,203 @@
+"""One writer, many readers: every frame is made once, and no reader waits for another."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import json
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from bus import Event
+from bus.log import get_logger
+from services.gateway.state import Change, State
+from services.gateway.topics import LEGACY_NAMES, Payload
+
+log = get_logger(__name__)
+
+MAX_EVENTS = 64
+MAX_REPLIES = 64
+MAX_TOPICS = 1000
+
+
+def frame(topic: str, payload: Payload) -> str:
+    return json.dumps({"topic": topic, **payload}, separators=(",", ":"), allow_nan=False)
+
+
+class Outbox:
+    """What one client is still to be sent, bounded: replies, then events in order, then the newest of each stream."""
+
+    def __init__(self) -> None:
+        self._replies: deque[str] = deque()
+        self._events: deque[str] = deque(maxlen=MAX_EVENTS)
+        self._newest: dict[str, str] = {}
+        self._filled = asyncio.Event()
+        self._room = asyncio.Event()
+        self.dropped = 0
+
+    def stream(self, topic: str, text: str) -> None:
+        """Takes the place of an older, unsent frame of the same topic."""
+        self.dropped += topic in self._newest
+        self._newest[topic] = text
+        self._filled.set()
+
+    def event(self, topic: str, text: str) -> None:
+        """Sent in order; a client that is too slow for even these loses the oldest."""
+        self._newest.pop(topic, None)  # an older sample must not follow the event
+        self.dropped += len(self._events) == MAX_EVENTS
+        self._events.append(text)
+        self._filled.set()
+
+    async def reply(self, text: str) -> None:
+        """An answer to this client. One that asks without reading the answers waits here, and nobody else does."""
+        while len(self._replies) >= MAX_REPLIES:
+            self._room.clear()
+            await self._room.wait()
+        self._replies.append(text)
+        self._filled.set()
+
+    async def next(self) -> str:
+        """The next frame to send. One reader."""
+        while True:
+            if self._replies:
+                self._room.set()
+                return self._replies.popleft()
+            if self._events:
+                return self._events.popleft()
+            if self._newest:
+                return self._newest.pop(next(iter(self._newest)))
+            self._filled.clear()
+            await self._filled.wait()
+
+
+class Client:
+    """One WebSocket connection: the topics it enabled, newest first, by the names it calls them."""
+
+    def __init__(self, number: int, legacy: bool = False) -> None:
+        self.number = number
+        self.outbox = Outbox()
+        self._canonical = LEGACY_NAMES if legacy else {}
+        self._names: dict[str, None] = {}
+        self._by_topic: dict[str, dict[str, None]] = {}
+
+    @property
+    def enabled(self) -> list[str]:
+        return list(reversed(self._names))
+
+    @property
+    def identity(self) -> Payload:
+        return {"id": self.number, "username": f"client-{self.number}", "email": ""}
+
+    def enable(self, name: str) -> bool:
+        """True if the topic was not enabled before. Raises ``ValueError`` beyond ``MAX_TOPICS``."""
+        if name in self._names:
+            return False
+        if len(self._names) >= MAX_TOPICS:
+            raise ValueError(f"more than {MAX_TOPICS} topics")
+        self._names[name] = None
+        self._by_topic.setdefault(self.topic_of(name), {})[name] = None
+        return True
+
+    def disable(self, name: str) -> None:
+        if name in self._names:
+            del self._names[name]
+            del self._by_topic[self.topic_of(name)][name]
+
+    def topic_of(self, name: str) -> str:
+        return self._canonical.get(name, name)
+
+    def names_of(self, topic: str) -> Iterable[str]:
+        """What this client calls a topic, where it has enabled it."""
+        return self._by_topic.get(topic, ())
+
+
+class Hub:
+    """Takes events in and sends what they changed to those who enabled it, no faster than each topic's rate.
+
+    Lives in one event loop. ``interval`` gives the least seconds between two frames of a topic.
+    """
+
+    def __init__(self, state: State, interval: Callable[[str], float]) -> None:
+        self.state = state
+        self.clients: dict[int, Client] = {}
+        self._interval = interval
+        self._numbers = itertools.count(1)
+        self._last_sent: dict[str, float] = {}
+        self._due: dict[str, asyncio.TimerHandle] = {}
+
+    def join(self, legacy: bool = False) -> Client:
+        client = Client(next(self._numbers), legacy)
+        self.clients[client.number] = client
+        everyone = {"connections": [one.identity for one in self.clients.values()]}
+        client.outbox.event("/ws_connections", frame("/ws_connections", everyone))
+        self._tell("/ws_connection_established", client.identity)
+        return client
+
+    def leave(self, client: Client) -> None:
+        if self.clients.pop(client.number, None) is not None:
+            self._tell("/ws_connection_disconnected", client.identity)
+
+    def hear(self, event: Event) -> None:
+        for change in self.state.hear(event, time.time()):
+            self._changed(change)
+
+    def send_present(self, client: Client, name: str) -> None:
+        """The latched value of a topic the client has just enabled, if there is one."""
+        text = self._frame(client.topic_of(name), name)
+        if text is not None:
+            client.outbox.stream(name, text)
+
+    def close(self) -> None:
+        for timer in self._due.values():
+            timer.cancel()
+        self._due.clear()
+
+    def _changed(self, change: Change) -> None:
+        topic = change.topic
+        if change.urgent:
+            self._cancel(topic)
+            self._send(topic, urgent=True)
+        elif topic not in self._due:
+            loop = asyncio.get_running_loop()
+            wait = self._last_sent.get(topic, 0.0) + self._interval(topic) - loop.time()
+            if wait <= 0:
+                self._send(topic)
+            else:
+                self._due[topic] = loop.call_later(wait, self._flush, topic)
+
+    def _flush(self, topic: str) -> None:
+        self._due.pop(topic, None)
+        self._send(topic)
+
+    def _cancel(self, topic: str) -> None:
+        timer = self._due.pop(topic, None)
+        if timer is not None:
+            timer.cancel()
+
+    def _send(self, topic: str, urgent: bool = False) -> None:
+        self._last_sent[topic] = asyncio.get_running_loop().time()
+        readers = [(client, name) for client in self.clients.values() for name in client.names_of(topic)]
+        texts = {name: self._frame(topic, name) for name in {name for _, name in readers}}
+        for client, name in readers:
+            if (text := texts[name]) is None:
+                continue
+            if urgent:
+                client.outbox.event(name, text)
+            else:
+                client.outbox.stream(name, text)
+
+    def _frame(self, topic: str, name: str) -> str | None:
+        """The topic's present value under that name. What JSON cannot carry (of a foreign publisher) is not sent."""
+        try:
+            payload = self.state.payload(topic)
+            return None if payload is None else frame(name, payload)
+        except (ValueError, TypeError, RecursionError) as error:
+            log.warning("a topic has no value that can be sent", topic=topic, error=str(error))
+            return None
+
+    def _tell(self, topic: str, payload: dict[str, Any]) -> None:
+        text = frame(topic, payload)
+        for client in self.clients.values():
+            client.outbox.event(topic, text)

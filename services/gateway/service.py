@@ -1,0 +1,104 @@
+"""The gateway as a process: bus in, HTTP and WebSocket out."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+import socket
+import time
+from collections.abc import Callable, Iterator
+
+import uvicorn
+import uvloop
+
+from bus import Bus, Inbox
+from bus.log import configure_logging, get_logger
+from schemas.service import CELL, ServiceId
+from services.gateway.app import create_app
+from services.gateway.broadcast import Hub
+from services.gateway.settings import Settings
+from services.gateway.state import HEARD, State
+
+log = get_logger(__name__)
+
+EVENTS_A_TURN = 32  # of the bus, after which clients get theirs
+
+
+class Server(uvicorn.Server):
+    """Tells when it listens; leaves signals to the service."""
+
+    def __init__(self, config: uvicorn.Config, on_listening: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._on_listening = on_listening
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._on_listening()
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+def run(settings: Settings) -> None:
+    """Serve until a signal. Raises ``SystemExit`` where the port is taken."""
+    configure_logging("gateway")
+    with (
+        Bus(ServiceId("gateway", CELL)) as bus,
+        bus.inbox() as inbox,
+        asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner,
+    ):
+        runner.run(_serve(settings, bus, inbox))
+
+
+async def _serve(settings: Settings, bus: Bus, inbox: Inbox) -> None:
+    state = State(settings.robot, settings.expected_services(), time.time())
+    app = create_app(state, bus, settings)
+    for topic, depth in HEARD.items():
+        inbox.subscribe(topic, settings.robot, depth)
+    inbox.watch_services()
+
+    def listening() -> None:
+        bus.announce()
+        log.info("listening", url=f"http://{settings.host}:{settings.port}", robot=settings.robot)
+
+    server = Server(_config(app, settings), listening)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        asyncio.get_running_loop().add_signal_handler(number, setattr, server, "should_exit", True)
+    hub: Hub = app.state.context.hub
+    hearing = asyncio.create_task(_hear(inbox, hub))
+    # Deaf, the gateway would show stale things as present: it ends, and is started anew.
+    hearing.add_done_callback(lambda _: setattr(server, "should_exit", True))
+    try:
+        await server.serve()
+    finally:
+        inbox.stop()
+        await hearing
+        hub.close()
+
+
+async def _hear(inbox: Inbox, hub: Hub) -> None:
+    count = 0
+    async for event in inbox.stream():
+        hub.hear(event)
+        count += 1
+        if count % EVENTS_A_TURN == 0:
+            await asyncio.sleep(0)
+
+
+def _config(app: object, settings: Settings) -> uvicorn.Config:
+    return uvicorn.Config(
+        app,  # type: ignore[arg-type]
+        host=settings.host,
+        port=settings.port,
+        log_config=None,
+        access_log=False,
+        log_level="warning",
+        ws="websockets-sansio",
+        ws_max_size=1024 * 1024,
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=2,
+        server_header=False,
+    )
