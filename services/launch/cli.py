@@ -7,7 +7,7 @@ import subprocess
 import sys
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -140,7 +140,7 @@ def _known_url(state_dir: Path) -> str | None:
 
 
 def _health_table(health: Health) -> str:
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             f"{row.get('robot')}/{row.get('service')}",
             str(row.get("status")),

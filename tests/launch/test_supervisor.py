@@ -17,7 +17,7 @@ Supervise = Callable[..., Running]
 
 
 def test_lines_carry_time_and_name(supervise: Supervise) -> None:
-    running = supervise({"aa": python("print('one'); print('two', end=''); import signal; signal.pause()")})
+    running = supervise({"aa": python(r"print('one\ntwo', end='', flush=True); import signal; signal.pause()")})
     assert re.fullmatch(r"\d\d:\d\d:\d\d aa      one", running.until("one"))
     running.process.terminate()
     assert running.end() == 0
