@@ -34,6 +34,10 @@ Examples:
 """
 
 
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command(help=_EXAMPLES)
 def main(
     robot: Annotated[str, typer.Option(help="name of the chassis on the bus")] = "amr1",
     map_directory: Annotated[
@@ -83,7 +87,5 @@ def _open(database: Database, history: int, map_directory: Path | None) -> tuple
     return moves, maps
 
 
-main.__doc__ = _EXAMPLES
-
 if __name__ == "__main__":
-    typer.run(main)
+    app()

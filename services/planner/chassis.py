@@ -217,7 +217,8 @@ class Chassis:
             self._reports.event(self._stamp, move.id, "replanned", text)
         was_stuck = before is not None and before.stuck_state != "none"
         if was_stuck != (progress.stuck_state != "none"):
-            self._reports.event(self._stamp, move.id, "unblocked" if was_stuck else "blocked", progress.stuck_state)
+            text = "" if was_stuck else progress.stuck_state
+            self._reports.event(self._stamp, move.id, "unblocked" if was_stuck else "blocked", text)
 
     # -- requests ----------------------------------------------------------------------------------------------------
 
