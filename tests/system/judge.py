@@ -55,7 +55,7 @@ class Judge:
         return self.inspect().clock.stamp / NANOSECONDS
 
     def stopped_after(self, silent: str, speed: float = 0.02) -> float:
-        """Watch a robot whose planner is gone until it truly stands; seconds from the instant its last command answered.
+        """Seconds of simulation time from a dead planner's last command until its robot truly stands.
 
         ``speed`` (m/s) is what counts as standing.
         """

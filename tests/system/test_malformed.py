@@ -36,15 +36,10 @@ json_values = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=12), inner, max_size=4),
     max_leaves=10,
 )
-move_like = st.fixed_dictionaries(
-    {},
-    optional={
-        key: json_values
-        for key in ("creator", "type", "target_x", "target_y", "target_ori", "target_accuracy", "use_target_zone",
-                    "properties", "route_coordinates", "rack_area_id", "map_id", "overlays", "control_mode", "enable",
-                    "state", "occupancy_grid", "position", "ori")
-    },
-)  # fmt: skip
+FIELDS = ("creator", "type", "target_x", "target_y", "target_ori", "target_accuracy", "use_target_zone", "properties",
+          "route_coordinates", "rack_area_id", "map_id", "overlays", "control_mode", "enable", "state",
+          "occupancy_grid", "position", "ori")  # fmt: skip
+move_like = st.fixed_dictionaries({}, optional=dict.fromkeys(FIELDS, json_values))
 bodies = (
     st.binary(max_size=200)
     | (json_values | move_like).map(lambda value: json.dumps(value).encode())
