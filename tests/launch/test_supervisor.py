@@ -8,6 +8,7 @@ import signal
 import socket
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 
@@ -34,6 +35,17 @@ def test_a_child_that_crashes_comes_back_later_and_later(supervise: Supervise) -
     assert waits == ["0.01", "0.02", "0.04", "0.04"]
     assert any("giving up: it ended 5 times" in line for line in running.lines)
     assert not alive(bystander)
+
+
+def test_the_delay_is_waited_for(supervise: Supervise) -> None:
+    policy = {"first_delay": 0.3, "longest_delay": 0.3, "attempts": 3}
+    running = supervise(
+        {"aa": python("import time; print('at', time.monotonic()); raise SystemExit(7)")}, policy=policy
+    )
+    assert running.end() == 1
+    starts = [float(line.rpartition(" ")[2]) for line in running.lines if "aa      at" in line]
+    assert len(starts) == 3
+    assert all(later - earlier >= 0.3 for earlier, later in pairwise(starts))
 
 
 def test_a_killed_child_comes_back_with_a_new_pid(supervise: Supervise) -> None:
@@ -66,6 +78,16 @@ def test_a_child_that_will_not_end_is_killed(supervise: Supervise) -> None:
     assert running.end() == 0
     assert "still running after 0.2 s, killed: aa" in "\n".join(running.lines)
     assert not alive(pid)
+
+
+def test_what_a_killed_child_leaves_behind_ends_too(supervise: Supervise) -> None:
+    parent = python(
+        f"import os, signal, subprocess\nprint('parent', os.getpid())\nsubprocess.Popen({STAY!r})\nsignal.pause()"
+    )
+    running = supervise({"aa": parent}, policy={"first_delay": 3600, "longest_delay": 3600})
+    grandchild = running.pid_of("aa")
+    os.kill(int(running.until("parent").rpartition(" ")[2]), signal.SIGKILL)
+    assert gone(grandchild)
 
 
 def test_children_of_children_end_too(supervise: Supervise) -> None:
