@@ -28,16 +28,23 @@ class Child:
 
     @classmethod
     async def start(cls, spec: Process, environment: Mapping[str, str], write: Callable[[str], None]) -> Child:
-        process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-I", "-S", str(GUARD), str(os.getpid()), *spec.argv),
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.STDOUT,
-            env={**environment, **spec.env, "PYTHONUNBUFFERED": "1", "RACKHAND_SUPERVISED": "1"},
-            start_new_session=True,
-        )
-        assert process.stdout is not None
-        return cls(process, asyncio.create_task(copy_lines(process.stdout, write)))
+        # A pipe of our own: asyncio's would not tell that the process ended while a child of it holds the other end.
+        read_end, write_end = os.pipe()
+        try:
+            process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-I", "-S", str(GUARD), str(os.getpid()), *spec.argv),
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=write_end,
+                stderr=write_end,
+                env={**environment, **spec.env, "PYTHONUNBUFFERED": "1", "RACKHAND_SUPERVISED": "1"},
+                start_new_session=True,
+            )
+        except BaseException:
+            os.close(read_end)
+            raise
+        finally:
+            os.close(write_end)
+        return cls(process, asyncio.create_task(_read(read_end, write)))
 
     async def wait(self) -> tuple[int, float]:
         """The exit code (negative for a signal) and for how many seconds it ran; its last lines are out by then."""
@@ -56,6 +63,18 @@ class Child:
             pass
         except PermissionError:  # macOS says this of a group of zombies
             pass
+
+
+async def _read(pipe: int, write: Callable[[str], None]) -> None:
+    stream = asyncio.StreamReader()
+    with os.fdopen(pipe, "rb") as file:
+        transport, _ = await asyncio.get_running_loop().connect_read_pipe(
+            lambda: asyncio.StreamReaderProtocol(stream), file
+        )
+        try:
+            await copy_lines(stream, write)
+        finally:
+            transport.close()
 
 
 def describe_exit(code: int) -> str:

@@ -65,7 +65,9 @@ def up(
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="let the physics wait for the planner: the same seed, the same run")
     ] = DEFAULTS.lockstep,
-    seed: Annotated[int, typer.Option(min=0, help="seed of all noise")] = DEFAULTS.seed,
+    seed: Annotated[int | None, typer.Option(min=0, help="seed of all noise; the world's own if not given")] = (
+        DEFAULTS.seed
+    ),
     host: Annotated[str, typer.Option(help="address the gateway listens on")] = DEFAULTS.http.host,
     port: Annotated[int, typer.Option(min=0, max=65535, help="port of the gateway; 0 is any free one")] = (
         DEFAULTS.http.port

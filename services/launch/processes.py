@@ -50,12 +50,15 @@ class Process:
 
 @dataclass(frozen=True)
 class CellOptions:
-    """What ``rackhand up`` can be told. ``speed`` None is as fast as possible; ``world`` is a name or a folder."""
+    """What ``rackhand up`` can be told. ``speed`` None is as fast as possible; ``world`` is a name or a folder.
+
+    ``seed`` and ``profile`` are the world's own where None.
+    """
 
     world: str = "warehouse"
     speed: float | None = 1.0
     lockstep: bool = False
-    seed: int = 0
+    seed: int | None = None
     http: Address = Address("127.0.0.1", 8090)
     bus: Address = Address("127.0.0.1", 7447)
     robot: str = "amr1"
@@ -96,9 +99,11 @@ def _router_arguments(options: CellOptions, neighbours: str) -> tuple[str, ...]:
 
 
 def _sim_arguments(options: CellOptions) -> tuple[str, ...]:
-    arguments = ["--world", options.world, "--seed", str(options.seed)]
+    arguments = ["--world", options.world]
     arguments += ["--speed", "max" if options.speed is None else f"{options.speed:g}"]
     arguments += ["--wait-for", f"{options.robot}/planner"]
+    if options.seed is not None:
+        arguments += ["--seed", str(options.seed)]
     if options.lockstep:
         arguments.append("--lockstep")
     if options.profile:
