@@ -39,7 +39,7 @@ def follow(
         return turn(pose, bearing, around, footprint, s)
     limit = -s.control.max_backward_velocity if tracker.segment.backward else s.control.max_forward_velocity
     limit = min(limit, around.speed_limit(pose))
-    speed = regulated_speed(kappa, around.clearance(footprint, pose), limit, s)
+    speed = regulated_speed(kappa, around.near.clearance(footprint, pose), limit, s)
     speed = min(speed, approach_speed(tracker.left(pose), s.approach_decel, s.actuation.lag))
     if math.isfinite(free):
         room = free - s.stop_before_obstacle
@@ -52,9 +52,9 @@ def follow(
 
 def turn(pose: Pose, error: float, around: Surroundings, footprint: Footprint, s: NavigationSettings) -> Twist2:
     """Turn on the spot by ``error``, the other way round if only that is free."""
-    if abs(error) > 0.3 and around.sweep_clearance(footprint, pose, error) < 0.0:
+    if abs(error) > 0.3 and around.near.turn_clearance(footprint, pose, error) < 0.0:
         other = error - math.copysign(2.0 * math.pi, error)
-        if around.sweep_clearance(footprint, pose, other) >= 0.0:
+        if around.near.turn_clearance(footprint, pose, other) >= 0.0:
             error = other
     return Twist2(linear=0.0, angular=turn_rate(error, s.control.max_angular_velocity))
 

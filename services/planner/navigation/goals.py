@@ -8,8 +8,7 @@ import numpy as np
 
 from schemas.fail_reasons import MoveFailReason
 from services.planner.interface import Goal, MoveFailed
-from services.planner.navigation.field import sample
-from services.planner.navigation.footprint import Footprint, clearance
+from services.planner.navigation.footprint import Footprint
 from services.planner.navigation.plan import Target
 from services.planner.navigation.se2 import Pose, wrap
 from services.planner.navigation.settings import NavigationSettings
@@ -24,7 +23,7 @@ def check_start(around: Surroundings, footprint: Footprint, start: Pose) -> None
     g = around.static.geometry
     if not g.contains(start[0], start[1]):
         raise MoveFailed(MoveFailReason.STARTING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(around)}")
-    free = _clearance(around, footprint, start)
+    free = around.mapped.clearance(footprint, start)
     if around.static.blocked[g.cell(start[0], start[1])] or free < -START_OVERLAP:
         raise MoveFailed(
             MoveFailReason.STARTING_POINT_NOT_IN_GROUND, f"{where}, where its body overlaps no-ground by {-free:.2f} m"
@@ -37,10 +36,9 @@ def check_goal(around: Surroundings, footprint: Footprint, target: Target, s: Na
     g = around.static.geometry
     if not g.contains(target.x, target.y):
         raise MoveFailed(MoveFailReason.ENDING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(around)}")
-    centre = sample(around.static_distance, g.x, g.y, g.resolution, target.x, target.y) - 0.5 * g.resolution
-    lack = footprint.inscribed - centre
+    lack = footprint.inscribed - around.mapped.at(target.x, target.y)
     if target.yaw is not None:
-        lack = max(lack, -_clearance(around, footprint, np.array([target.x, target.y, target.yaw])))
+        lack = max(lack, -around.mapped.clearance(footprint, np.array([target.x, target.y, target.yaw])))
     if around.static.blocked[g.cell(target.x, target.y)] or lack > -s.ground_margin:
         raise MoveFailed(
             MoveFailReason.ENDING_POINT_NOT_IN_GROUND, f"{where}, where the body lacks {lack:.2f} m of ground"
@@ -52,24 +50,6 @@ def is_there(start: Pose, goal: Goal, target: Target, s: NavigationSettings) -> 
     away = math.hypot(target.x - start[0], target.y - start[1])
     turned = goal.yaw is None or abs(wrap(goal.yaw - start[2])) <= s.equal_yaw
     return away <= goal.accuracy and turned
-
-
-def _clearance(around: Surroundings, footprint: Footprint, pose: Pose) -> float:
-    g = around.static.geometry
-    return float(
-        clearance(
-            around.static_distance,
-            g.x,
-            g.y,
-            g.resolution,
-            footprint.samples,
-            footprint.circumscribed,
-            pose[0],
-            pose[1],
-            pose[2],
-            1.0,
-        )
-    )
 
 
 def _extent(around: Surroundings) -> str:

@@ -44,6 +44,7 @@ from services.planner.navigation.estimator import PoseFilter
 from services.planner.navigation.footprint import Footprint
 from services.planner.navigation.goals import check_goal, check_start, is_there
 from services.planner.navigation.grid import load_map
+from services.planner.navigation.mppi import Mppi
 from services.planner.navigation.plan import GlobalPlanner, NoWay, Plan, Target
 from services.planner.navigation.route import Route
 from services.planner.navigation.se2 import Pose, wrap
@@ -52,8 +53,12 @@ from services.planner.navigation.settings import NavigationSettings
 from services.planner.navigation.surroundings import Surroundings
 from services.planner.navigation.warmup import warm_up
 from services.planner.navigation.watch import ProgressWatch
+from services.planner.navigation.yielding import least_gap
 
 PERIOD = 0.04  # s; the nominal tick
+YIELD_HOLD = 0.4  # s that making way goes on after the last reason for it
+ASIDE = 0.05  # m beyond the goal's accuracy: pushed aside while turning
+NO_FIELD = np.empty((0, 0), dtype=np.float32)
 LONGEJACK_BODY = ((0.379, 0.23), (-0.369, 0.23), (-0.369, -0.23), (0.379, -0.23))
 _REASONS = {
     "disconnected": MoveFailReason.CALCULATION_FAILED,
@@ -80,6 +85,11 @@ class Run:
     replanned: bool = False
     held: bool = False
     no_way: NoWay | None = None
+    yield_until: int = 0
+
+    @property
+    def turn_only(self) -> bool:
+        return self.goal.x is None or self.goal.y is None
 
 
 class ChassisNavigator:
@@ -89,6 +99,7 @@ class ChassisNavigator:
         self.settings = settings or NavigationSettings()
         self._filter = PoseFilter(self.settings.noise)
         self._senses = Senses(self.settings)
+        self._mppi = Mppi(self.settings)
         self._footprint = Footprint.of(np.array(LONGEJACK_BODY))
         self._around: Surroundings | None = None
         self._planner: GlobalPlanner | None = None
@@ -271,6 +282,8 @@ class ChassisNavigator:
     def _steer(self, run: Run, pose: Pose, seen: Observation) -> Twist2:
         """The twist wanted in this phase; goes on to the next phase where one ends."""
         around, s = self._surroundings(), self.settings
+        if self._must_give_way(run, pose, seen):
+            return self._give_way(run, pose, seen)
         if run.phase == "driving" and run.route is not None:
             stop_within = (
                 min(s.position_tolerance, 0.5 * run.goal.accuracy) if run.route.is_last else driving.SEGMENT_END
@@ -288,6 +301,9 @@ class ChassisNavigator:
             self._arrive(run, pose, seen.stamp)
         if run.phase == "rotating" and run.target.yaw is not None:
             error = wrap(run.target.yaw - pose[2])
+            if not run.turn_only and self._away(run, pose) > run.goal.accuracy + ASIDE:
+                self._arrive(run, pose, seen.stamp)
+                return STANDSTILL
             if abs(error) > s.yaw_tolerance:
                 ahead = self._predicted(pose, seen.twist)
                 return driving.turn(ahead, wrap(run.target.yaw - ahead[2]), around, self._footprint, s)
@@ -295,10 +311,35 @@ class ChassisNavigator:
                 self._arrive(run, pose, seen.stamp)
         return STANDSTILL
 
+    def _must_give_way(self, run: Run, pose: Pose, seen: Observation) -> bool:
+        """Whether something that moves will come too near, standing or going on; holds on for a moment."""
+        movers = self._surroundings().movers.rows()
+        if not len(movers) or run.phase == "done":
+            return False
+        s = self.settings
+        path = run.route.ahead() if run.route is not None and run.phase == "driving" else pose[None]
+        gap = min(
+            least_gap(pose, path, speed, movers, self._footprint.edges, s.yield_horizon)
+            for speed in {0.0, max(abs(seen.twist.linear), 0.5)}
+        )
+        if gap < s.yield_distance:
+            if seen.stamp >= run.yield_until:
+                self._mppi.restart()
+            run.yield_until = seen.stamp + int(YIELD_HOLD * NANOSECONDS)
+        return seen.stamp < run.yield_until
+
+    def _give_way(self, run: Run, pose: Pose, seen: Observation) -> Twist2:
+        around = self._surroundings()
+        cost = run.route.plan.cost if run.route is not None else NO_FIELD
+        goal = np.array([run.target.x, run.target.y, pose[2] if run.target.yaw is None else run.target.yaw])
+        return self._mppi.command(
+            self._predicted(pose, seen.twist), seen.twist, self._command, around.near, cost,
+            around.static.geometry, goal, around.movers.rows(), self._footprint, around.speed_limit(pose),
+        )  # fmt: skip
+
     def _arrive(self, run: Run, pose: Pose, stamp: int) -> None:
         """At rest where driving or turning ended: done, turn, or go once more for what was missed."""
-        turn_only = run.goal.x is None or run.goal.y is None
-        if not turn_only and self._away(run, pose) > max(0.8 * run.goal.accuracy, 0.015):
+        if not run.turn_only and self._away(run, pose) > max(0.8 * run.goal.accuracy, 0.015):
             run.phase = "driving"
             if not self._replan(run, pose, stamp):
                 run.route, run.phase = None, "planning"

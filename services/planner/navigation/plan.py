@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.planner.navigation import lattice, shaping
-from services.planner.navigation.field import Field, cost_to_go, distance_field
-from services.planner.navigation.footprint import Footprint, clearance, sweep_clearance
+from services.planner.navigation.field import Field, cost_to_go
+from services.planner.navigation.footprint import Footprint
 from services.planner.navigation.grid import Geometry, Mask
+from services.planner.navigation.room import Room
 from services.planner.navigation.se2 import Pose, wrap
 from services.planner.navigation.settings import NavigationSettings
 
@@ -78,40 +79,34 @@ class GlobalPlanner:
 
     def plan(self, start: Pose, target: Target, blocked: Mask, tight: bool = False) -> Plan:
         """Raises ``NoWay``. ``tight``: do not trust the point-like plan, search with the footprint at once."""
-        distance = distance_field(blocked, self._g.resolution)
+        room = Room.of(blocked, self._g)
         row, column = self._g.cell(target.x, target.y)
         s = self._settings
         cost, toward, expanded = cost_to_go(
-            distance, self._g.resolution, row, column, self._footprint.inscribed, s.comfort_clearance,
+            room.distance, self._g.resolution, row, column, self._footprint.inscribed, s.comfort_clearance,
             s.clearance_weight, s.max_expansions,
         )  # fmt: skip
         if expanded >= s.max_expansions:
             raise NoWay("budget", f"{expanded} cells expanded without reaching all")
-        direct = self._direct(distance, cost, start, target)
+        direct = self._direct(room, cost, start, target)
         if direct is not None:
             return direct
         first = self._start_cell(cost, start)
         if first < 0:
             raise NoWay("disconnected", f"no way for a circle of {self._footprint.inscribed:.2f} m radius")
         if not tight:
-            plan = self._point_like(distance, cost, toward, first, start, target)
+            plan = self._point_like(room, cost, toward, first, start, target)
             if plan is not None:
                 return plan
-        return self._with_footprint(distance, cost, start, target)
+        return self._with_footprint(room, cost, start, target)
 
-    def clearance(self, distance: Field, pose: Pose, enough: float = 1.0) -> float:
-        g, f = self._g, self._footprint
-        return clearance(
-            distance, g.x, g.y, g.resolution, f.samples, f.circumscribed, pose[0], pose[1], pose[2], enough
-        )
-
-    def _margins(self, distance: Field, start: Pose, target: Target) -> Array:
+    def _margins(self, room: Room, start: Pose, target: Target) -> Array:
         """Clearance asked for in general, at the start, at the goal: less at the ends if they have less."""
         general = self._settings.plan_margin
-        at_start = self.clearance(distance, start) - 0.01
+        at_start = room.clearance(self._footprint, start) - 0.01
         at_goal = 0.0
         if target.yaw is not None:
-            at_goal = self.clearance(distance, np.array([target.x, target.y, target.yaw])) - 0.005
+            at_goal = room.clearance(self._footprint, np.array([target.x, target.y, target.yaw])) - 0.005
         return np.array([general, min(general, at_start), min(general, at_goal)])
 
     def _start_cell(self, cost: Field, start: Pose) -> int:
@@ -127,84 +122,81 @@ class GlobalPlanner:
                     best, best_distance = i * self._g.columns + j, away
         return best
 
-    def _direct(self, distance: Field, cost: Field, start: Pose, target: Target) -> Plan | None:
+    def _direct(self, room: Room, cost: Field, start: Pose, target: Target) -> Plan | None:
         away = math.hypot(target.x - start[0], target.y - start[1])
         if away > DIRECT:
             return None
         bearing = math.atan2(target.y - start[1], target.x - start[0])
-        margins = self._margins(distance, start, target)
+        margins = self._margins(room, start, target)
         ahead = abs(wrap(bearing - start[2])) <= math.pi / 2
         for backward in (not ahead, ahead):
-            if self._rest_is_free(distance, start, start, target, margins, backward):
+            if self._rest_is_free(room, start, start, target, margins, backward):
                 segment = straight(start[0], start[1], target.x, target.y, start[2], backward)
                 return Plan((segment,), cost)
         return None
 
     def _rest_is_free(
-        self, distance: Field, state: Pose, start: Pose, target: Target, margins: Array, backward: bool
+        self, room: Room, state: Pose, start: Pose, target: Target, margins: Array, backward: bool
     ) -> bool:
         g, f = self._g, self._footprint
         goal = np.array([target.x, target.y, target.yaw or 0.0])
         return bool(
             lattice.rest_is_free(
-                distance, g.x, g.y, g.resolution, f.samples, f.circumscribed, state, start, goal, target.yaw is None,
+                room.distance, g.x, g.y, g.resolution, f.samples, f.circumscribed, state, start, goal, target.yaw is None,
                 margins, -1.0 if backward else 1.0,
             )
         )  # fmt: skip
 
     def _point_like(
-        self, distance: Field, cost: Field, toward: NDArray[np.int32], first: int, start: Pose, target: Target
+        self, room: Room, cost: Field, toward: NDArray[np.int32], first: int, start: Pose, target: Target
     ) -> Plan | None:
         """Steepest descent of the cost to go, pulled tight and smoothed; None where the body does not fit along it."""
         g, s, radius = self._g, self._settings, self._footprint.inscribed
         points = shaping.chain(toward, g.columns, first, g.x, g.y, g.resolution)
         points = np.vstack([start[None, :2], points[1:-1], [(target.x, target.y)]])
         corners = shaping.pull_tight(
-            distance, g.x, g.y, g.resolution, points, radius, s.comfort_clearance, s.clearance_weight
+            room.distance, g.x, g.y, g.resolution, points, radius, s.comfort_clearance, s.clearance_weight
         )
         if target.rotate_in_place:
             legs = [shaping.resample(corners[k : k + 2], SPACING) for k in range(len(corners) - 1)]
         else:
             dense = shaping.resample(corners, SPACING)
-            room = self._footprint.circumscribed + 0.1 + 0.5 * g.resolution
-            dense = shaping.smooth(distance, g.x, g.y, g.resolution, dense, room, SMOOTHING_ROUNDS)
+            wanted = self._footprint.circumscribed + 0.1 + 0.5 * g.resolution
+            dense = shaping.smooth(room.distance, g.x, g.y, g.resolution, dense, wanted, SMOOTHING_ROUNDS)
             legs = [shaping.resample(dense, SPACING)]
         segments = tuple(Segment(shaping.headings(leg)) for leg in legs)
-        fits = self._fits(distance, segments, start, target)
+        fits = self._fits(room, segments, start, target)
         return Plan(segments, cost) if fits else None
 
-    def _fits(self, distance: Field, segments: tuple[Segment, ...], start: Pose, target: Target) -> bool:
+    def _fits(self, room: Room, segments: tuple[Segment, ...], start: Pose, target: Target) -> bool:
         """Whether the body is free along the segments, the turns between them, and the last turn."""
-        margins = self._margins(distance, start, target)
+        margins = self._margins(room, start, target)
         goal = np.array([target.x, target.y, target.yaw or 0.0])
         yaw = float(start[2])
         for segment in segments:
             for x, y, heading in segment.points:
                 need = lattice.needed(x, y, start, goal, margins)
-                if not self._turns_freely(distance, x, y, yaw, heading, need):
+                if not self._turns_freely(room, x, y, yaw, heading, need):
                     return False
                 yaw = heading
         if target.yaw is None:
             return True
-        return self._turns_freely(distance, target.x, target.y, yaw, target.yaw, min(margins[0], margins[2]))
+        return self._turns_freely(room, target.x, target.y, yaw, target.yaw, min(margins[0], margins[2]))
 
-    def _turns_freely(self, distance: Field, x: float, y: float, start: float, end: float, need: float) -> bool:
-        g, f = self._g, self._footprint
+    def _turns_freely(self, room: Room, x: float, y: float, start: float, end: float, need: float) -> bool:
         turn = wrap(end - start)
         if abs(turn) < 0.1:
-            return bool(self.clearance(distance, np.array([x, y, end]), need) >= need)
+            return room.clearance(self._footprint, np.array([x, y, end]), need) >= need
         turns = (turn, turn - math.copysign(2 * math.pi, turn))
-        return any(
-            sweep_clearance(distance, g.x, g.y, g.resolution, f.samples, f.circumscribed, x, y, start, t, need) >= need
-            for t in turns
-        )
+        here = np.array([x, y, start])
+        return any(room.turn_clearance(self._footprint, here, t, need) >= need for t in turns)
 
-    def _with_footprint(self, distance: Field, cost: Field, start: Pose, target: Target) -> Plan:
+    def _with_footprint(self, room: Room, cost: Field, start: Pose, target: Target) -> Plan:
         g, f, s = self._g, self._footprint, self._settings
         goal = np.array([target.x, target.y, target.yaw or 0.0])
         outcome, rows, direction, expanded = lattice.search(
-            distance, cost, g.x, g.y, g.resolution, f.samples, f.inscribed, f.circumscribed, start, goal,
-            target.yaw is None, self._margins(distance, start, target), s.comfort_clearance, s.clearance_weight,
+            room.distance, cost, g.x, g.y, g.resolution, f.samples, f.inscribed, f.circumscribed, start, goal,
+            target.yaw is None, self._margins(room, start, target), s.comfort_clearance, s.clearance_weight,
             s.heuristic_weight, s.max_expansions,
         )  # fmt: skip
         if outcome == lattice.CUT_SHORT:

@@ -46,10 +46,10 @@ class Route:
 
     def free_distance(self, around: Surroundings, footprint: Footprint, reach: float) -> tuple[float, Array]:
         """Metres of path ahead along which the body is free (infinite if all of ``reach`` is), and where it is not."""
-        w = around.window
+        near, g = around.near.distance, around.near.geometry
         points = self.ahead()
         free, index = _first_blocked(
-            around.distance, w.x, w.y, w.resolution, footprint.samples, footprint.circumscribed, points, reach
+            near, g.x, g.y, g.resolution, footprint.samples, footprint.circumscribed, points, reach
         )
         return float(free), points[index, :2]
 

@@ -99,7 +99,12 @@ class NavigationSettings:
 
     # the last check
     safety_margin: float = 0.015
+    mover_margin: float = 0.1  # clearance to what moves
     safety_radius: float = 2.5
+
+    # what moves
+    yield_distance: float = 0.7  # m; nearer than this within the horizon, and making way begins
+    yield_horizon: float = 3.0
 
     # patience
     blocked_patience: float = 1.5  # before planning round something that moves

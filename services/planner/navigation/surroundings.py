@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from schemas.chassis import Scan
-from services.planner.navigation.field import Field, distance_field
-from services.planner.navigation.footprint import Footprint, clearance, sweep_clearance
+from services.planner.navigation.footprint import Footprint
 from services.planner.navigation.grid import Geometry, Mask, StaticMap
+from services.planner.navigation.movers import Movers
 from services.planner.navigation.observed import ObservedObstacles
+from services.planner.navigation.room import Room
 from services.planner.navigation.safety import as_obstacles, nearby_cells
-from services.planner.navigation.se2 import Pose
+from services.planner.navigation.se2 import Pose, compose
+from services.planner.navigation.se2 import pose as as_pose
 from services.planner.navigation.settings import NavigationSettings
 
 Array = NDArray[np.float64]
@@ -24,15 +28,20 @@ class Surroundings:
     def __init__(self, static: StaticMap, settings: NavigationSettings) -> None:
         self.static = static
         self.observed = ObservedObstacles(static, settings)
+        self.movers = Movers()
+        self._velocities: Array = np.empty((0, 2))
         self._settings = settings
-        self.window = Geometry(0.0, 0.0, static.geometry.resolution, 0, 0)
-        self.distance: Field = np.zeros((0, 0), dtype=np.float32)
         self._cells: Array = np.empty((0, 2))
-        self.static_distance = distance_field(static.blocked, static.geometry.resolution)
+        self.mapped = Room.of(static.blocked, static.geometry)
+        self.near = self.mapped
 
     def look(self, scan: Scan, chassis: Pose, footprint: Footprint) -> None:
         """Take a scan that was seen with the chassis at that pose."""
         self.observed.integrate(scan, chassis, footprint.edges)
+        sensor = compose(chassis, as_pose(scan.sensor))[:2]
+        self._velocities = self.movers.update(self.observed.points, self.observed.unmapped, sensor, scan.stamp)
+        for mover in self.movers.moving:
+            self.observed.shorten(mover.position, mover.radius + 0.3)
 
     def refresh(self, pose: Pose) -> None:
         """Distances and cells around the pose, from map and observation as they are now."""
@@ -42,64 +51,38 @@ class Surroundings:
         r0, r1 = _span(row, reach, g.rows)
         c0, c1 = _span(column, reach, g.columns)
         window = (slice(r0, r1), slice(c0, c1))
-        blocked = self.observed.blocked(window)
-        self.window = Geometry(
-            g.x + c0 * g.resolution, g.y + r0 * g.resolution, g.resolution, max(r1 - r0, 0), max(c1 - c0, 0)
-        )
-        self.distance = distance_field(blocked, g.resolution) if blocked.size else np.zeros((0, 0), dtype=np.float32)
+        blocked = self._standing(window)
+        x, y = g.x + c0 * g.resolution, g.y + r0 * g.resolution
+        self.near = Room.of(blocked, Geometry(x, y, g.resolution, *blocked.shape))
         self._cells = nearby_cells(blocked, g, window)
 
     def blocked(self) -> Mask:
-        """Map and observation, everywhere."""
-        return self.observed.blocked()
+        """Map and what stands on it, everywhere; what moves will be elsewhere."""
+        return self._standing((slice(0, self.static.geometry.rows), slice(0, self.static.geometry.columns)))
 
-    def clearance(self, footprint: Footprint, pose: Pose, enough: float = 1.0) -> float:
-        """Metres between the body at a pose and the nearest thing, within the refreshed part."""
-        w = self.window
-        return float(
-            clearance(
-                self.distance,
-                w.x,
-                w.y,
-                w.resolution,
-                footprint.samples,
-                footprint.circumscribed,
-                pose[0],
-                pose[1],
-                pose[2],
-                enough,
-            )
-        )
-
-    def sweep_clearance(self, footprint: Footprint, pose: Pose, turn: float) -> float:
-        """The least clearance while turning on the spot."""
-        w = self.window
-        return float(
-            sweep_clearance(
-                self.distance,
-                w.x,
-                w.y,
-                w.resolution,
-                footprint.samples,
-                footprint.circumscribed,
-                pose[0],
-                pose[1],
-                pose[2],
-                turn,
-                0.0,
-            )
-        )
+    def _standing(self, window: tuple[slice, slice]) -> Mask:
+        g = self.static.geometry
+        observed = self.observed.occupied(window)
+        for mover in self.movers.moving:
+            row, column = g.cell(mover.position[0], mover.position[1])
+            reach = math.ceil((mover.radius + 0.25) / g.resolution)
+            r0, c0 = window[0].start, window[1].start
+            rows = slice(max(row - reach - r0, 0), max(row + reach + 1 - r0, 0))
+            observed[rows, max(column - reach - c0, 0) : max(column + reach + 1 - c0, 0)] = False
+        return observed | self.static.blocked[window]
 
     def obstacles(self, pose: Pose) -> Array:
         """Rows x, y, vx, vy, margin of everything within reach of a stop: cells by their edge, hits as they are."""
         s = self._settings
         cells = as_obstacles(self._within(self._cells, pose), 0.5 * self.static.geometry.resolution + s.safety_margin)
-        hits = as_obstacles(self._within(self.observed.points, pose), s.safety_margin)
-        return np.vstack([cells, hits])
+        hits = as_obstacles(self.observed.points, s.safety_margin)
+        hits[:, 2:4] = self._velocities
+        hits[np.abs(self._velocities).any(axis=1), 4] = s.mover_margin
+        return np.vstack([cells, self._within(hits, pose)])
 
     def _within(self, points: Array, pose: Pose) -> Array:
-        reach = np.abs(points - pose[:2]).max(axis=1) < self._settings.safety_radius if len(points) else slice(0)
-        return points[reach]
+        near: Array = points[(np.abs(points[:, :2] - pose[:2]) < self._settings.safety_radius).all(axis=1)]
+        return near
 
     def speed_limit(self, pose: Pose) -> float:
         """m/s where the chassis is."""
