@@ -79,6 +79,9 @@ class Decoder:
             tail = len(buffer) - _partial_sync(buffer, position)
             self._drop(tail, tail - position)
             return None
+        # Of a longer run of tildes the last six are the marker: no packet type begins with one.
+        while start + len(SYNC) < len(buffer) and buffer[start + len(SYNC)] == SYNC[0]:
+            start += 1
         head_end = start + len(SYNC) + _HEADER.size
         if len(buffer) < head_end:
             self._drop(start, start - position)

@@ -1,0 +1,58 @@
+"""A dispatcher on a bench: a six-joint arm that does at once whatever it is told."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from schemas import crf_requests as crf
+from schemas.motion import Expected, MotionStatus, RobotConfiguration
+from services.controller.access import Access
+from services.controller.access_types import SECOND, AccessConfig, StopMotion
+from services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
+from tests.schemas.test_motion import configuration, status
+
+ARM = RobotConfiguration.model_validate(configuration())
+IDLE = MotionStatus.model_validate(status(priorityUnderControl=0, controllerStatus=[200]))
+
+
+class Bench:
+    """Sends requests and reads answers as dictionaries. ``queue`` is the arm's: points not yet run."""
+
+    def __init__(self, not_offered: frozenset[str] = frozenset(), **config: Any) -> None:
+        self.dispatcher = Dispatcher(Access("e1", AccessConfig(**config)), ARM, not_offered)
+        self.now = 0
+        self.queue: list[Any] = []
+        self.turn = Turn()
+
+    def ask(self, client: str, /, **request: Any) -> dict[str, Any]:
+        return self.send(client, json.dumps(request))
+
+    def send(self, client: str, text: bytes | str) -> dict[str, Any]:
+        self.take(self.dispatcher.request(client, text, self.now))
+        answer = self.turn.reply if self.turn.admitted is None else self.carry_out(self.turn.admitted)
+        assert answer is not None, "left without an answer"
+        read: dict[str, Any] = json.loads(answer)
+        assert read["command"] == "reply"
+        return read
+
+    def wait(self, seconds: float) -> None:
+        self.now += int(seconds * SECOND)
+        self.take(self.dispatcher.tick(self.now))
+
+    def take(self, turn: Turn) -> None:
+        self.turn = turn
+        if any(isinstance(order, StopMotion) for order in turn.orders):
+            self.queue.clear()
+
+    def carry_out(self, admitted: Admitted) -> bytes:
+        if isinstance(admitted.request, crf.GetStatus):
+            return self.dispatcher.finish(admitted, self.dispatcher.complete(IDLE, self.now))
+        if isinstance(admitted.request, crf.AppendJointsPath | crf.AppendTaskPath):
+            self.queue.extend(admitted.request.data)
+        return self.dispatcher.finish(admitted, Expected[bool].of(True))
+
+
+PATH: dict[str, Any] = {"command": "appendPath", "priority": 10, "type": "joints", "data": [[0, 0, 0, 0, 0, 0]]}
+OK = {"value": True, "code": 200, "detail": 0}
+BAD = {"code": 400, "detail": 0}
