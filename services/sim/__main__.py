@@ -1,0 +1,110 @@
+"""``python -m services.sim``: run a world, or work on worlds (``map``, ``from-barn``, ``list``)."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from typing import Annotated
+
+import typer
+
+from bus import Bus
+from bus.log import configure_logging
+from schemas.service import WORLD, ServiceId
+from services.sim.errors import WorldFileError
+from services.sim.noise import NoiseSettings
+from services.sim.pacing import Pacer
+from services.sim.profiles import load_profile
+from services.sim.service import SimService
+from services.sim.session import Run, Session
+from services.sim.simulation import INSTANT_NS, Simulation
+from services.sim.worldfile import load_world
+from services.sim.worlds import add_commands
+
+_HELP = """
+The world in physics, on the bus: chassis, racks, people, sensors.
+
+Examples:
+
+  python -m services.sim --world warehouse
+
+  python -m services.sim --world warehouse --speed max --lockstep --seed 7 --wait-for amr1/planner
+
+  python -m services.sim --world ./my_world --speed 0.5 --paused
+
+  python -m services.sim --world empty --profile jackal --noise 0
+
+  python -m services.sim map warehouse
+"""
+
+app = typer.Typer(help=_HELP, invoke_without_command=True, no_args_is_help=False, rich_markup_mode="markdown")
+add_commands(app)
+
+
+def _speed(text: str) -> float | None:
+    if text == "max":
+        return None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = 0.0
+    if not 0 < speed <= 1000:
+        raise typer.BadParameter(f"{text!r}: want a ratio to real time above 0 and up to 1000, or max")
+    return speed
+
+
+def _service(text: str) -> ServiceId:
+    robot, _, service = text.partition("/")
+    if not robot or not service or "/" in service:
+        raise typer.BadParameter(f"{text!r} is not a service; want ROBOT/SERVICE, as in amr1/planner")
+    return ServiceId(service, robot)
+
+
+@app.callback()
+def main(
+    context: typer.Context,
+    world: Annotated[str, typer.Option(help="name of a world, or path of its folder")] = "warehouse",
+    speed: Annotated[str, typer.Option(help="ratio to real time (0.1 … 1000), or max")] = "1",
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="wait at each instant for the commands of all who joined")
+    ] = False,
+    seed: Annotated[int | None, typer.Option(min=0, help="of all noise  [default: the world's]")] = None,
+    wait_for: Annotated[
+        list[str] | None, typer.Option(help="stand at time 0 until ROBOT/SERVICE has joined; may be repeated")
+    ] = None,
+    paused: Annotated[bool, typer.Option("--paused", help="begin paused")] = False,
+    profile: Annotated[
+        str | None, typer.Option("--profile", "--robot-profile", help="chassis of every robot  [default: the world's]")
+    ] = None,
+    noise: Annotated[float, typer.Option(min=0, help="factor of all sensor noise; 0 for exact sensors")] = 1.0,
+    pose_noise: Annotated[float, typer.Option(min=0, help="1σ of the localised position in metres")] = 0.01,
+    yaw_noise: Annotated[float, typer.Option(min=0, help="1σ of the localised heading in radians")] = 0.005,
+) -> None:
+    if context.invoked_subcommand is not None:
+        return
+    configure_logging("sim")
+    settings = NoiseSettings(pose_xy=pose_noise, pose_yaw=yaw_noise, scale=noise)
+    awaited = tuple(_service(text) for text in wait_for or ())
+    pacer = Pacer(INSTANT_NS, _speed(speed), lockstep, paused, awaited)
+    try:
+        loaded = load_world(world)
+        profiles = {name: load_profile(profile or place.profile) for name, place in loaded.robots.items()}
+        unknown = {service.robot for service in awaited} - set(profiles)
+        if unknown:
+            raise WorldFileError(f"--wait-for names {sorted(unknown)}; robots of {loaded.name}: {sorted(profiles)}")
+    except WorldFileError as error:
+        typer.echo(f"sim: {error}", err=True)
+        raise typer.Exit(2) from None
+    session = Session(
+        build=lambda chosen: Simulation(loaded, profiles, chosen, settings),
+        new_run=lambda: Run(uuid.uuid4().hex[:12], time.time_ns()),
+        seed=loaded.seed if seed is None else seed,
+        pacer=pacer,
+    )
+    with Bus(ServiceId("sim", WORLD)) as bus:
+        bus.handle_signals()
+        SimService(bus, session).run()
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m services.sim")

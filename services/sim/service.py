@@ -1,0 +1,157 @@
+"""The simulator on the bus: one thread, one inbox. It hears, steps, and tells."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from bus import Bus, Event, Presence, Publisher, Request, Sample
+from bus.log import get_logger
+from schemas import topics
+from schemas.service import WORLD
+from schemas.topics import Topic
+from services.sim.errors import RequestRefused
+from services.sim.session import Session
+
+log = get_logger(__name__)
+
+ROBOT_TOPICS = (
+    topics.IMU,
+    topics.SCAN,
+    topics.POSE,
+    topics.JACK,
+    topics.BATTERY,
+    topics.CONTACTS,
+    topics.ODOMETRY,
+    topics.CHASSIS_MODEL,
+)
+WORLD_TOPICS = (topics.OBJECTS, topics.SCENE, topics.CLOCK)
+COMMAND_DEPTH = 64
+READ_AHEAD = 64  # events taken in between two steps at most, so that a flood of them does not stop time
+
+
+class SimService:
+    """Wires a session to the bus. ``run`` returns when the bus stops."""
+
+    def __init__(self, bus: Bus, session: Session) -> None:
+        self._bus, self._session = bus, session
+        self._publishers: dict[tuple[Topic[Any], str], Publisher[Any]] = {
+            (topic, WORLD): bus.publisher(topic, WORLD) for topic in WORLD_TOPICS
+        }
+        self._inbox = bus.inbox()
+        for robot in session.simulation.robots:
+            self._publishers |= {(topic, robot): bus.publisher(topic, robot) for topic in ROBOT_TOPICS}
+            self._inbox.subscribe(topics.COMMAND, robot, depth=COMMAND_DEPTH)
+        self._inbox.serve(topics.WORLD_CONTROL, WORLD)
+        self._inbox.watch_services()
+        self._advancing: Request | None = None
+        self._waiting_for = ""
+
+    def run(self) -> None:
+        self._tell_models()
+        self._tell_things()
+        self._bus.announce()
+        self._tell_instant()
+        log.info("ready", world=self._session.simulation.world.name, seed=self._session.seed)
+        while not self._bus.stopping:
+            self._drain()
+            self._go_on()
+
+    def _go_on(self) -> None:
+        simulation, pacer = self._session.simulation, self._session.pacer
+        decision = pacer.decide(simulation.stamp, time.monotonic())
+        self._finish_advance()
+        match decision.kind:
+            case "step":
+                simulation.step()
+                self._tell_instant()
+            case "retell":
+                self._log_waiting()
+                self._tell_instant()
+            case "tell_clock":
+                self._tell_clock()
+            case "wait":
+                event = self._inbox.get(timeout=decision.seconds)
+                if event is not None:
+                    self._handle(event)
+
+    # -- what is heard -----------------------------------------------------------------------------------------------
+
+    def _drain(self) -> None:
+        for _ in range(READ_AHEAD):
+            event = self._inbox.get(timeout=0)
+            if event is None:
+                return
+            self._handle(event)
+
+    def _handle(self, event: Event) -> None:
+        match event:
+            case Sample(robot=robot, message=message):
+                self._session.command(robot, message)
+            case Presence(service=service, alive=False):
+                if self._session.gone(service):
+                    log.warning("a participant has gone; the world goes on without it", who=str(service))
+            case Request():
+                self._serve(event)
+            case _:
+                pass
+
+    def _serve(self, request: Request) -> None:
+        order = request.message.request
+        try:
+            reply = self._session.handle(request.message)
+        except RequestRefused as refused:
+            return request.refuse(refused.code, refused.text)
+        if order.op != "inspect":
+            log.info(order.op, **order.model_dump(exclude={"op"}, exclude_defaults=True))
+        if order.op in ("reset", "pause") and self._advancing is not None:
+            self._advancing.refuse("precondition", f"{order.op} came before the world had advanced so far")
+            self._advancing = None
+        self._tell_changes()
+        if reply is None:
+            self._advancing = request
+        else:
+            request.reply(reply)
+        return None
+
+    def _finish_advance(self) -> None:
+        if self._advancing is not None and self._session.pacer.until is None:
+            self._tell_clock()
+            self._advancing.reply(self._session.reply())
+            self._advancing = None
+
+    # -- what is told ------------------------------------------------------------------------------------------------
+
+    def _tell(self, topic: Topic[Any], robot: str, message: Any) -> None:
+        self._publishers[topic, robot].put(message)
+
+    def _tell_instant(self) -> None:
+        for output in self._session.simulation.outputs:
+            self._tell(output.topic, output.robot, output.message)
+        self._tell_clock()
+
+    def _tell_clock(self) -> None:
+        self._tell(topics.CLOCK, WORLD, self._session.clock)
+
+    def _tell_models(self) -> None:
+        for name, robot in self._session.simulation.robots.items():
+            self._tell(topics.CHASSIS_MODEL, name, robot.chassis_model())
+
+    def _tell_things(self) -> None:
+        self._tell(topics.SCENE, WORLD, self._session.simulation.scene())
+        self._tell(topics.OBJECTS, WORLD, self._session.simulation.objects())
+
+    def _tell_changes(self) -> None:
+        changes = self._session.take_changes()
+        if changes.things:
+            self._tell_things()
+        if changes.instant:
+            self._tell_instant()
+        elif changes.clock:
+            self._tell_clock()
+
+    def _log_waiting(self) -> None:
+        missing = ", ".join(str(s) for s in self._session.pacer.missing(self._session.simulation.stamp))
+        if missing != self._waiting_for:
+            log.info("the world stands and waits", at=self._session.simulation.stamp, missing=missing or "nobody")
+            self._waiting_for = missing

@@ -1,0 +1,166 @@
+"""A world under control: the simulation, its pace, and what users, tests and participants may ask of both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from schemas.chassis import ChassisCommand
+from schemas.service import ServiceId
+from schemas.world import (
+    Advance,
+    Clock,
+    InjectFault,
+    Inspect,
+    Join,
+    Leave,
+    MoveRobot,
+    Pause,
+    Place,
+    Remove,
+    Reset,
+    SetSpeed,
+    WorldReply,
+    WorldRequest,
+)
+from services.sim.errors import RequestRefused, unknown
+from services.sim.pacing import Pacer
+from services.sim.simulation import INSTANT_NS, Simulation
+
+# Whose commands a participant's answers are.
+COMMANDERS = ("planner",)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of the world from time 0: its name, and the unix time of stamp 0 in ns."""
+
+    name: str
+    unix_ns: int
+
+
+@dataclass
+class Changes:
+    """What a request made worth telling at once."""
+
+    clock: bool = False
+    instant: bool = False
+    things: bool = False
+
+
+@dataclass
+class Session:
+    """``build``: seed → a new simulation of the same world. ``new_run`` names the next run."""
+
+    build: Callable[[int], Simulation]
+    new_run: Callable[[], Run]
+    seed: int
+    pacer: Pacer
+    changes: Changes = field(default_factory=Changes)
+
+    def __post_init__(self) -> None:
+        self.simulation = self.build(self.seed)
+        self.run = self.new_run()
+
+    @property
+    def clock(self) -> Clock:
+        return Clock(
+            stamp=self.simulation.stamp,
+            run=self.run.name,
+            step_ns=INSTANT_NS,
+            speed=self.pacer.speed,
+            paused=self.pacer.paused and self.pacer.until is None,
+            lockstep=self.pacer.lockstep,
+            unix_ns=self.run.unix_ns,
+        )
+
+    def take_changes(self) -> Changes:
+        changes, self.changes = self.changes, Changes()
+        return changes
+
+    def command(self, robot: str, command: ChassisCommand) -> bool:
+        """False if the command is not of this run or older than the one in force."""
+        taken = self.simulation.command(robot, command)
+        if taken:
+            self.pacer.answered(robot, command.answers)
+        return taken
+
+    def gone(self, service: ServiceId) -> bool:
+        """A service's liveliness token has vanished. True if it took part."""
+        return self.pacer.leave(service)
+
+    def handle(self, request: WorldRequest) -> WorldReply | None:
+        """Do what is asked. None: the answer is ``reply()`` once the pacer stands again (``Advance``).
+
+        Raises ``RequestRefused``, and has then changed nothing.
+        """
+        match request.request:
+            case Join() as join:
+                self._join(join)
+            case Leave(robot=robot, service=service):
+                self.pacer.leave(ServiceId(service, robot))
+            case Pause(paused=paused):
+                self.pacer.pause(paused)
+                self.changes.clock = True
+            case Advance(duration_ns=duration):
+                self._advance(duration)
+                return None
+            case SetSpeed(speed=speed):
+                self.pacer.speed = speed
+                self.changes.clock = True
+            case Reset(seed=seed):
+                self._reset(self.seed if seed is None else seed)
+            case Place() as place:
+                self.simulation.place(place)
+                self.changes.things = True
+            case Remove(name=name):
+                self.simulation.remove(name)
+                self.changes.things = True
+            case MoveRobot() as move:
+                self.simulation.move_robot(move)
+                self.changes.things = True
+            case InjectFault() as fault:
+                self.simulation.inject(fault)
+            case Inspect():
+                pass
+        return self.reply()
+
+    def reply(self) -> WorldReply:
+        ledger = self.simulation.ledger
+        return WorldReply(
+            clock=self.clock,
+            seed=self.seed,
+            digest=self.simulation.digest,
+            contact_count=ledger.count,
+            contacts=ledger.rows,
+            participants=tuple(sorted(str(service) for service in self.pacer.participants)),
+            command_stamps=dict(self.pacer.answers),
+        )
+
+    def _join(self, join: Join) -> None:
+        if join.robot not in self.simulation.robots:
+            raise unknown("robot", join.robot, self.simulation.robots)
+        if join.service not in COMMANDERS:
+            raise unknown("commanding service", join.service, COMMANDERS)
+        if join.period_ns % INSTANT_NS:
+            raise RequestRefused(
+                "invalid", f"period {join.period_ns} ns is not a multiple of the control instant of {INSTANT_NS} ns"
+            )
+        self.pacer.join(ServiceId(join.service, join.robot), join.period_ns, self.simulation.stamp)
+        self.changes.instant = True  # it may have come after this instant was told
+
+    def _advance(self, duration_ns: int) -> None:
+        if not self.pacer.paused:
+            raise RequestRefused("precondition", "the world runs; pause it before advancing it")
+        if self.pacer.until is not None:
+            raise RequestRefused("precondition", f"the world is on its way to stamp {self.pacer.until}")
+        instants = -(-duration_ns // INSTANT_NS)
+        self.pacer.advance(self.simulation.stamp + instants * INSTANT_NS)
+        self.changes.clock = True
+
+    def _reset(self, seed: int) -> None:
+        self.simulation = self.build(seed)
+        self.seed = seed
+        self.run = self.new_run()
+        self.pacer.begin_anew()
+        self.changes.clock = self.changes.instant = self.changes.things = True

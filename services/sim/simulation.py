@@ -1,0 +1,302 @@
+"""The world at run time: what is done to it, one control instant after the other, and what it says at each."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from schemas import topics
+from schemas.base import Pose2
+from schemas.chassis import ChassisCommand, LocalisedPose, Odometry, Scan
+from schemas.service import WORLD
+from schemas.topics import Topic
+from schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, Place, Scene
+from services.sim import scenery
+from services.sim.errors import PhysicsError, RequestRefused, unknown
+from services.sim.layers import OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
+from services.sim.ledger import ContactLedger
+from services.sim.movers import Walker, is_in_way, make_route
+from services.sim.noise import NoiseSettings
+from services.sim.obstacles import PERSON_SIZE, Obstacles
+from services.sim.profiles import Profile
+from services.sim.robot import Robot, hull_touches
+from services.sim.scene import build_model
+from services.sim.worldfile import Mover, PoseTuple, Walk, World
+
+INSTANT_NS = 20_000_000
+SETTLING_INSTANTS = 15
+NOISE = NoiseSettings()
+_FATAL_WARNINGS = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
+
+
+@dataclass(frozen=True)
+class Output:
+    """A message to publish: on this topic, as that of this robot (or of the world)."""
+
+    topic: Topic[Any]
+    robot: str
+    message: Any
+
+
+class Simulation:
+    """A world from its start on. Beginning anew is making another one: the same seed then gives the same bytes.
+
+    ``step`` goes on by one control instant (20 ms); ``outputs`` is what is due at the present one, in the order of the
+    contract, and stays the same until the next step, so that an instant can be told again.
+    """
+
+    def __init__(self, world: World, profiles: Mapping[str, Profile], seed: int, noise: NoiseSettings = NOISE) -> None:
+        self.world, self.seed = world, seed
+        self.model = build_model(world, profiles)
+        self.data = mujoco.MjData(self.model)
+        self.obstacles = Obstacles(self.model, self.data)
+        self._steps = round(INSTANT_NS * 1e-9 / world.timestep)
+        self._settle()
+        docks = tuple(charger.dock for charger in world.chargers.values())
+        self.robots = {
+            name: Robot(name, profile, self.model, self.data, seed, noise, world.robots[name].battery, docks)
+            for name, profile in profiles.items()
+        }
+        self._geom_names = scenery.owners(self.model)
+        self._bodies = scenery.moving_bodies(self.model)
+        hulls = {robot.hull: name for name, robot in self.robots.items()}
+        self.ledger = ContactLedger(hulls, self.model.ngeom, self._owner)
+        self.stamp = 0
+        self._hash = hashlib.blake2b(digest_size=16)
+        self._populate()
+        self._finish_instant(0.0)
+
+    @property
+    def digest(self) -> str:
+        """A hash over all instants so far: their stamps, states (qpos, qvel, act, poses of what is on scripts), scans,
+        odometry and localised poses.
+        """
+        return self._hash.copy().hexdigest()
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        return self._outputs
+
+    # -- what is done to the world -----------------------------------------------------------------------------------
+
+    def command(self, robot: str, command: ChassisCommand) -> bool:
+        """Take a command. False if it is none of this run (it answers an instant that has not been) or an older one."""
+        known = self.robots.get(robot)
+        if known is None or command.answers > self.stamp:
+            return False
+        if known.command is not None and command.answers < known.command.answers:
+            return False
+        known.command = command
+        return True
+
+    def place(self, place: Place) -> None:
+        """Raises ``RequestRefused`` and changes nothing if it cannot be."""
+        if place.name in self._reserved_names():
+            raise RequestRefused("invalid", f"{place.name!r} is the name of something else in this world")
+        size, walker = place.size, None
+        if place.kind == "person" and len(size) == 3:  # the default size, which is a box's
+            size = PERSON_SIZE
+        if place.walk:
+            try:
+                route = make_route([(p.x, p.y) for p in (place.pose, *place.walk)], place.speed)
+            except ValueError as error:
+                raise RequestRefused("invalid", str(error)) from None
+            walker = Walker(route)
+        former = self.obstacles.placed.get(place.name)
+        placed = self.obstacles.place(place.name, place.kind, size, _tuple(place.pose), walker)
+        self._kinematics()
+        for name, robot in self.robots.items():
+            if hull_touches(self.model, self.data, robot.hull, np.array([self.obstacles.geom_of(placed)])) is not None:
+                self.obstacles.remove(place.name)
+                if former is not None:
+                    self.obstacles.place(place.name, former.kind, former.size, former.pose, former.walker)
+                raise RequestRefused("invalid", f"{place.name!r} would stand in {name}")
+
+    def remove(self, name: str) -> None:
+        """Raises ``RequestRefused``."""
+        self.obstacles.remove(name)
+        self._kinematics()
+
+    def move_robot(self, move: MoveRobot) -> None:
+        """Raises ``RequestRefused`` and changes nothing if the robot would stand in something."""
+        robot = self._robot(move.robot)
+        before = np.array(self.data.qpos)
+        robot.put(_tuple(move.pose))
+        self._kinematics()
+        others = np.flatnonzero(self.model.geom_contype & (STATIC_BIT | RACK_BIT | ROBOT_BIT | OBSTACLE_BIT))
+        touched = hull_touches(self.model, self.data, robot.hull, others[others != robot.hull])
+        if touched is not None:
+            self.data.qpos[:] = before
+            self._kinematics()
+            raise RequestRefused("invalid", f"{move.robot} would stand in {self._owner(touched)!r}")
+        robot.rest()
+
+    def inject(self, fault: InjectFault) -> None:
+        """Raises ``RequestRefused``."""
+        faults = self._robot(fault.robot).faults
+        if fault.active:
+            faults.add(fault.fault)
+        else:
+            faults.discard(fault.fault)
+
+    def scene(self) -> Scene:
+        """The geometry of all that is there now."""
+        return scenery.scene(self.model, self.stamp, self.obstacles)
+
+    # -- time --------------------------------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Go on by one control instant with the newest commands."""
+        dt = INSTANT_NS * 1e-9
+        controls = np.zeros((self._steps, self.model.nu))
+        for robot in self.robots.values():
+            robot.drive(controls, self.stamp, dt)
+        self._move_walkers(dt)
+        self._run(controls)
+        self.stamp += INSTANT_NS
+        self._check_physics()
+        self._finish_instant(dt)
+
+    def _run(self, controls: np.ndarray[Any, Any]) -> None:
+        """Step by step, so that no contact is too short for the ledger: 3 µs of Python beside some 25 µs of physics."""
+        model, data, step_ns = self.model, self.data, round(self.world.timestep * 1e9)
+        for i, row in enumerate(controls):
+            data.ctrl[:] = row
+            mujoco.mj_step(model, data)
+            for name, index in self.ledger.observe(model, data, self.stamp + i * step_ns):
+                self.robots[name].bump(data.contact[index])
+
+    def _settle(self) -> None:
+        """Let the wheels take the weight before time begins. Racks sleep meanwhile."""
+        for _ in range(SETTLING_INSTANTS * self._steps):
+            mujoco.mj_step(self.model, self.data)
+        self.data.time = 0.0
+
+    def _check_physics(self) -> None:
+        """MuJoCo meets a state that is not finite by starting over, silently: that must not pass for a run."""
+        for warning in _FATAL_WARNINGS:
+            if self.data.warning[warning].number:
+                raise PhysicsError(f"the physics came apart at stamp {self.stamp}: {warning.name}")
+
+    def _finish_instant(self, dt: float) -> None:
+        self._kinematics()
+        state = (self.data.qpos, self.data.qvel, self.data.act, self.data.mocap_pos, self.data.mocap_quat)
+        self._hash.update(self.stamp.to_bytes(8, "little"))
+        for part in state:
+            self._hash.update(part.tobytes())
+        self._outputs = tuple(self._due(dt))
+        for output in self._outputs:
+            self._hash.update(_measured(output.message))
+
+    def _kinematics(self) -> None:
+        """Frames of what is now: a step leaves those of its beginning."""
+        mujoco.mj_kinematics(self.model, self.data)
+
+    # -- what the world says -----------------------------------------------------------------------------------------
+
+    def _due(self, dt: float) -> list[Output]:
+        """What is due now, in the order of the contract: odometry is the last of its robot, and of the instant."""
+        stamp, outputs = self.stamp, []
+        for name, robot in self.robots.items():
+            outputs.append(Output(topics.IMU, name, robot.imu(stamp)))
+            if _is_due(topics.SCAN, stamp):
+                scan = robot.scan(stamp)
+                if "lidar_dead" not in robot.faults:
+                    outputs.append(Output(topics.SCAN, name, scan))
+            if _is_due(topics.POSE, stamp):
+                pose = robot.localised_pose(stamp)
+                if "pose_lost" not in robot.faults:
+                    outputs.append(Output(topics.POSE, name, pose))
+            if _is_due(topics.JACK, stamp):
+                outputs.append(Output(topics.JACK, name, robot.jack(stamp)))
+            if _is_due(topics.BATTERY, stamp):
+                outputs.append(Output(topics.BATTERY, name, robot.battery_report(stamp)))
+            if _is_due(topics.CONTACTS, stamp):
+                outputs.append(Output(topics.CONTACTS, name, robot.contacts(stamp)))
+        if _is_due(topics.OBJECTS, stamp):
+            outputs.append(Output(topics.OBJECTS, WORLD, self.objects()))
+        for name, robot in self.robots.items():
+            outputs.append(Output(topics.ODOMETRY, name, robot.odometry(stamp, dt)))
+        return outputs
+
+    def objects(self) -> Objects:
+        """True poses of all that can move."""
+        bodies = self._bodies | {name: self.obstacles.body_of(placed) for name, placed in self.obstacles.placed.items()}
+        positions, quaternions = self.data.xpos, self.data.xquat
+        return Objects(
+            stamp=self.stamp,
+            objects=tuple(
+                ObjectPose(
+                    name=name, position=tuple(positions[body].tolist()), orientation=tuple(quaternions[body].tolist())
+                )
+                for name, body in bodies.items()
+            ),
+        )
+
+    # -- people and things -------------------------------------------------------------------------------------------
+
+    def _populate(self) -> None:
+        for name, mover in self.world.movers.items():
+            pose, walker = _start_of(mover)
+            self.obstacles.place(name, "person", (mover.radius, mover.height), pose, walker)
+        for name, obstacle in self.world.obstacles.items():
+            self.obstacles.place(name, obstacle.kind, obstacle.size, obstacle.pose, None)
+        self._kinematics()
+
+    def _move_walkers(self, dt: float) -> None:
+        robots = [(r.pose, r.profile.body.size[0] / 2, r.profile.body.size[1] / 2) for r in self.robots.values()]
+        for name, placed in list(self.obstacles.placed.items()):
+            walker = placed.walker
+            if walker is None or any(is_in_way(walker.pose, placed.radius, *robot) for robot in robots):
+                continue
+            walker = walker.after(dt)
+            self.obstacles.placed[name] = replace(placed, walker=walker, pose=walker.pose)
+            self.obstacles.move(placed, walker.pose)
+
+    def _owner(self, geom: int) -> str:
+        """The name of the thing a geom belongs to."""
+        return self.obstacles.names_by_geom().get(geom) or self._geom_names[geom]
+
+    def _reserved_names(self) -> set[str]:
+        return {*self.robots, *self.world.racks, *self.world.statics, *self.world.chargers}
+
+    def _robot(self, name: str) -> Robot:
+        if name not in self.robots:
+            raise unknown("robot", name, self.robots)
+        return self.robots[name]
+
+
+def _is_due(topic: Topic[Any], stamp: int) -> bool:
+    """Whether the stamp is a multiple of the topic's period."""
+    return stamp % round(1e9 / topic.rate) == 0
+
+
+def _measured(message: Any) -> bytes:
+    """The numbers of a measurement that a planner steers by."""
+    match message:
+        case Scan():
+            return message.ranges.tobytes()
+        case Odometry() | LocalisedPose():
+            return np.array([message.pose.x, message.pose.y, message.pose.yaw]).tobytes()
+        case _:
+            return b""
+
+
+def _start_of(mover: Mover) -> tuple[PoseTuple, Walker | None]:
+    if isinstance(mover.motion, Walk):
+        walker = Walker(make_route(mover.motion.points, mover.motion.speed, mover.motion.wait))
+        return walker.pose, walker
+    return mover.motion.pose, None
+
+
+def _tuple(pose: Pose2) -> PoseTuple:
+    return pose.x, pose.y, pose.yaw

@@ -1,0 +1,234 @@
+"""Worlds as data: the models of ``world.yaml`` and its reading. Metres, radians, seconds; map frame.
+
+Things are named mappings, so that an error reads ``movers.anna.motion.walk.spede: …`` and a name exists once.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+import worlds
+from services.sim.errors import WorldFileError
+
+M = TypeVar("M", bound=BaseModel)
+Positive = Annotated[float, Field(gt=0)]
+Point = tuple[float, float]
+PoseTuple = tuple[float, float, float]
+Size3 = tuple[Positive, Positive, Positive]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
+
+
+class Data(BaseModel):
+    """The base of all that is read from a file: frozen, finite, closed to unknown fields."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Static(Data):
+    """Something that never moves. ``mapped``: the map shows it (where it stands in the lidar's plane)."""
+
+    mapped: bool = True
+    colour: tuple[float, float, float] = (0.6, 0.6, 0.62)
+
+
+class Wall(Static):
+    """An upright wall whose middle line goes from ``start`` to ``end``."""
+
+    kind: Literal["wall"]
+    start: Point
+    end: Point
+    thickness: Positive = 0.2
+    height: Positive = 2.0
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Wall:
+        if self.start == self.end:
+            raise ValueError(f"start and end are both {self.start}: a wall needs a length")
+        return self
+
+
+class Box(Static):
+    """A box l×w×h; ``pose`` is that of its middle, ``z`` the height of its underside."""
+
+    kind: Literal["box"]
+    pose: PoseTuple
+    size: Size3
+    z: Annotated[float, Field(ge=0)] = 0.0
+
+
+class Cylinder(Static):
+    kind: Literal["cylinder"]
+    centre: Point
+    radius: Positive
+    height: Positive
+
+
+StaticThing = Annotated[Wall | Box | Cylinder, Field(discriminator="kind")]
+
+
+class RackKind(Data):
+    """A rack with four legs at the corners of ``size`` (l×w over the legs) and a board over them at ``underside``."""
+
+    size: tuple[Positive, Positive]
+    underside: Positive
+    height: Positive
+    mass: Positive
+    leg: Positive = 0.03
+
+
+class Rack(Data):
+    kind: str
+    pose: PoseTuple
+
+
+class Charger(Data):
+    """A charging dock with a V-shaped face looking along its yaw. ``dock``: where a robot stands to be charged."""
+
+    pose: PoseTuple
+    dock: PoseTuple
+
+
+class Walk(Data):
+    """Walk along the points and from the last to the first again, for ever, ``wait`` seconds at each."""
+
+    kind: Literal["walk"]
+    points: Annotated[tuple[Point, ...], Field(min_length=2)]
+    speed: Positive = 1.0
+    wait: Annotated[float, Field(ge=0)] = 0.0
+
+
+class Stand(Data):
+    kind: Literal["stand"]
+    pose: PoseTuple
+
+
+class Mover(Data):
+    """A person (a capsule) that follows a script."""
+
+    motion: Annotated[Walk | Stand, Field(discriminator="kind")]
+    radius: Positive = 0.25
+    height: Positive = 1.75
+
+
+class Obstacle(Data):
+    """A box l×w×h or a cylinder r×h that stands about and is on no map."""
+
+    kind: Literal["box", "cylinder"] = "box"
+    pose: PoseTuple
+    size: Annotated[tuple[Positive, ...], Field(min_length=2, max_length=3)]
+
+
+class RobotPlace(Data):
+    """A robot of the world: its profile, start pose and charge (0 … 1)."""
+
+    profile: str
+    pose: PoseTuple
+    battery: Annotated[float, Field(gt=0, le=1)] = 0.8
+
+
+class MapSettings(Data):
+    """How the map is drawn. ``height``: of the plane that is cut; ``margin``: unknown rim round the floor."""
+
+    resolution: Positive = 0.05
+    margin: Annotated[float, Field(ge=0)] = 0.5
+    height: Positive = 0.18
+
+
+class Task(Data):
+    """What a benchmark world asks for: reach ``goal`` within ``radius`` and ``timeout``."""
+
+    goal: Point
+    radius: Positive
+    path_length: Positive
+    timeout: Positive
+    source: str = ""
+
+
+class World(Data):
+    """A whole world. ``bounds``: x_min, y_min, x_max, y_max of the floor that is mapped."""
+
+    version: Literal[1]
+    name: str
+    description: str = ""
+    seed: Annotated[int, Field(ge=0)] = 0
+    timestep: Annotated[float, Field(gt=0, le=0.005)] = 0.002
+    bounds: tuple[float, float, float, float]
+    robots: Annotated[dict[Name, RobotPlace], Field(min_length=1)]
+    statics: dict[Name, StaticThing] = {}
+    rack_kinds: dict[Name, RackKind] = {}
+    racks: dict[Name, Rack] = {}
+    chargers: dict[Name, Charger] = {}
+    movers: dict[Name, Mover] = {}
+    obstacles: dict[Name, Obstacle] = {}
+    map: MapSettings = MapSettings()
+    task: Task | None = None
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> World:
+        if not (self.bounds[0] < self.bounds[2] and self.bounds[1] < self.bounds[3]):
+            raise ValueError(f"bounds {self.bounds}: want x_min, y_min, x_max, y_max")
+        for name, rack in self.racks.items():
+            if rack.kind not in self.rack_kinds:
+                raise ValueError(f"rack {name!r} is of unknown kind {rack.kind!r}; known: {sorted(self.rack_kinds)}")
+        self._check_names()
+        steps = 0.02 / self.timestep
+        if not math.isclose(steps, round(steps), rel_tol=1e-9):
+            raise ValueError(f"timestep {self.timestep}: a control instant of 0.02 s must be a whole number of steps")
+        return self
+
+    def _check_names(self) -> None:
+        owner: dict[str, str] = {}
+        for group in ("robots", "statics", "racks", "chargers", "movers", "obstacles"):
+            for name in getattr(self, group):
+                if name in owner:
+                    raise ValueError(f"the name {name!r} is used in {owner[name]} and in {group}")
+                owner[name] = group
+
+
+def worlds_root() -> Path:
+    return Path(next(iter(worlds.__path__)))
+
+
+def known_worlds() -> list[str]:
+    """The names of the worlds that come with rackhand."""
+    return sorted(path.parent.name for path in worlds_root().glob("*/world.yaml"))
+
+
+def world_directory(name_or_path: str) -> Path:
+    """The folder of a world given by name, or by the path of a folder. Raises ``WorldFileError``."""
+    for directory in (Path(name_or_path), worlds_root() / name_or_path):
+        if (directory / "world.yaml").is_file():
+            return directory
+    raise WorldFileError(
+        f"{name_or_path!r} is neither a world ({', '.join(known_worlds())}) nor a folder that holds a world.yaml"
+    )
+
+
+def load_world(name_or_path: str) -> World:
+    """Read a world by its name or folder. Raises ``WorldFileError`` that says file, place and what was expected."""
+    return read_model(World, world_directory(name_or_path) / "world.yaml")
+
+
+def read_model(model: type[M], path: Path) -> M:
+    """A file's YAML as ``model``. Raises ``WorldFileError``."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise WorldFileError(f"{path}: cannot be read: {error}") from None
+    except yaml.YAMLError as error:
+        raise WorldFileError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise WorldFileError("\n".join(f"{path}: {_told(item)}" for item in error.errors())) from None
+
+
+def _told(item: Any) -> str:
+    """One validation error as ``movers.anna.motion.walk.spede: Extra inputs are not permitted; known: …``."""
+    where = ".".join(str(part) for part in item["loc"]) or "the file"
+    return f"{where}: {item['msg']}"
