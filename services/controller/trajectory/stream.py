@@ -1,0 +1,135 @@
+"""A motion that is under way: sampled at any time, stopped along its path, slowed, resumed, extended.
+
+A ``Motion`` is a value. Every change makes a new one that agrees with the old until the time of the change: the planned
+phase is cut there and goes on differently, and as the filter runs over both parts alike, q, dq and ddq stay continuous.
+Times are seconds on the caller's axis and belong to the commanded motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from services.controller.trajectory.continuation import Continuation, follow
+from services.controller.trajectory.curve import JointCurve
+from services.controller.trajectory.geometry import JointPath, TaskPath, TaskState
+from services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
+from services.controller.trajectory.phase import Phase, at_rest
+from services.controller.trajectory.timing import Planning, Rows, Timed, brake, plan, rows
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a path is timed with. ``task`` None leaves the TCP free."""
+
+    joints: JointLimits
+    task: TaskLimits | None = None
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The reference at one time: joints (n,), and on a task path the TCP, each with two derivatives."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+    task: TaskState | None
+    s: float
+    done: bool
+
+
+@dataclass(frozen=True)
+class Motion:
+    """``curve`` q(s) of ``path``, ``rows`` its limits along s, and ``phase``, s(t) before the filter.
+
+    ``use``: how much of velocity, acceleration and jerk limits the last plan uses at worst (1 = all).
+    """
+
+    path: JointPath | TaskPath
+    curve: JointCurve
+    rows: Rows
+    phase: Phase
+    planning: Planning
+    rate: float = 1.0
+    use: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def end(self) -> float:
+        """When it is at rest, as planned now."""
+        return self.phase.end + self.planning.smoothing.total
+
+    @property
+    def finishes(self) -> bool:
+        """Whether it drives to the last way-point; False after ``braked``."""
+        return abs(float(self.phase.s[-1]) - self.curve.end) < 1e-9
+
+    @property
+    def rest(self) -> Array:
+        """The joint positions (n,) in which it comes to rest, as planned now."""
+        return np.asarray(self.curve.derivatives(self.phase.s[-1:], left=True)[0, 0])
+
+    def at(self, t: float) -> Sample:
+        s, v, a, _ = self.phase.filtered(np.array([t]), self.planning.smoothing)[0]
+        q, first, second, _ = self.curve.derivatives(np.array([s]))[:, 0]
+        task = None
+        if isinstance(self.path, TaskPath):
+            state = self.path.at(float(s))
+            task = TaskState(state.pose, state.twist * v, state.accel * v * v + state.twist * a)
+        return Sample(q, first * v, second * v * v + first * a, task, float(s), t >= self.end)
+
+    def braked(self, t: float) -> Motion:
+        """From ``t`` on to rest along the path, as fast as the limits allow. The rest of the path stays known."""
+        return self.driven(brake(self.curve, self.rows, self.planning, self.until(t)))
+
+    def scaled(self, t: float, rate: float) -> Motion:
+        """From ``t`` on with velocity limits times ``rate`` in (0, 1]; goes on after ``braked`` too."""
+        if not 0 < rate <= 1:
+            raise ValueError(f"the rate is in (0, 1], not {rate}")
+        return replace(self.driven(plan(self.curve, self.rows, self.planning, self.until(t), rate)), rate=rate)
+
+    def resumed(self, t: float) -> Motion:
+        """From ``t`` on to the end of the path."""
+        return self.scaled(t, self.rate)
+
+    def until(self, t: float) -> Phase:
+        """What is driven before ``t``, as far back as the filter still sees it."""
+        return self.phase.cut(t, self.planning.smoothing.total)
+
+    def driven(self, timed: Timed) -> Motion:
+        """The same path with another phase."""
+        return replace(self, phase=timed.phase, use=timed.use)
+
+
+def start_joints(
+    t: float, path: JointPath, limits: Limits, planning: Planning, kinematics: Kinematics | None
+) -> Motion:
+    """A motion along a joint path, at rest at ``t``. ``kinematics`` is needed with task limits only."""
+    return _start(t, path, path.curve(), limits, planning, kinematics)
+
+
+def start_task(
+    t: float,
+    path: TaskPath,
+    q: Array,
+    limits: Limits,
+    planning: Planning,
+    kinematics: Kinematics,
+    options: Continuation | None = None,
+) -> Motion:
+    """A motion along a task path, at rest at ``t`` in ``q``. Raises ``PathRefused`` (way-points numbered from 0 without
+    the path's first)."""
+    return _start(t, path, follow(kinematics, limits.joints, path, q, options=options), limits, planning, kinematics)
+
+
+def _start(
+    t: float,
+    path: JointPath | TaskPath,
+    curve: JointCurve,
+    limits: Limits,
+    planning: Planning,
+    kinematics: Kinematics | None,
+) -> Motion:
+    lines = rows(curve, limits.joints, planning, limits.task, path if isinstance(path, TaskPath) else None, kinematics)
+    timed = plan(curve, lines, planning, at_rest(t, curve.start))
+    return Motion(path, curve, lines, timed.phase, planning, use=timed.use)
