@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import (
-    BeforeValidator,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     ModelWrapValidatorHandler,
-    PlainSerializer,
     Strict,
     model_serializer,
     model_validator,
 )
 from pydantic.alias_generators import to_pascal
+from pydantic_core import CoreSchema, core_schema
 
 from schemas.base import Message
 
@@ -30,26 +30,30 @@ Matrix3 = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 _NON_FINITE = {"inf": math.inf, "-inf": -math.inf, "NaN": math.nan, "nan": math.nan}
 
 
-def _read_number(value: Any) -> Any:
-    """CRF's number: JSON has none for the non-finite ones, so they are strings."""
-    if isinstance(value, str) and value in _NON_FINITE:
-        return _NON_FINITE[value]
-    # An integer beyond the range of a double stays one, and is refused as no number.
-    return float(value) if type(value) is int and abs(value) < 2**1000 else value
-
-
 def _write_number(value: float) -> float | str:
     if math.isfinite(value):
         return value
     return "NaN" if math.isnan(value) else ("inf" if value > 0 else "-inf")
 
 
-CrfFloat = Annotated[
-    float,
-    Field(allow_inf_nan=True),
-    BeforeValidator(_read_number, json_schema_input_type=float | Literal["inf", "-inf", "NaN"]),
-    PlainSerializer(_write_number, return_type=float | str),
-]
+class _CrfNumber:
+    """JSON has no numbers that are not finite, so CRF writes them as words. Numbers take the fast way: paths have
+    thousands."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        word = core_schema.no_info_after_validator_function(
+            _NON_FINITE.__getitem__, core_schema.literal_schema(list(_NON_FINITE))
+        )
+        return core_schema.union_schema(
+            [core_schema.float_schema(strict=True, allow_inf_nan=True), word],
+            mode="left_to_right",
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                _write_number, return_schema=core_schema.any_schema()
+            ),
+        )
+
+
+CrfFloat = Annotated[float, _CrfNumber()]
 CrfVec3 = Annotated[tuple[CrfFloat, CrfFloat, CrfFloat], Strict(False)]
 CrfVec6 = Annotated[tuple[CrfFloat, CrfFloat, CrfFloat, CrfFloat, CrfFloat, CrfFloat], Strict(False)]
 

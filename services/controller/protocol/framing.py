@@ -6,6 +6,7 @@ and the payload. Nothing of ours is imported, so that any process with a socket 
 
 from __future__ import annotations
 
+import re
 import struct
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ STREAM_PACKET = 802
 MAX_PAYLOAD = 16 * 1024 * 1024
 
 _HEADER = struct.Struct("<HIqBB")
+_TILDES = re.compile(SYNC + b"+")
 
 
 @dataclass(frozen=True)
@@ -74,15 +76,14 @@ class Decoder:
     def _next(self, position: int) -> tuple[Packet | None, int] | None:
         """A packet (or none) and where to go on; ``None`` when more bytes are needed. Drops what is done with."""
         buffer = self._buffer
-        start = buffer.find(SYNC, position)
-        if start < 0:
+        run = _TILDES.search(buffer, position)
+        if run is None:
             tail = len(buffer) - _partial_sync(buffer, position)
             self._drop(tail, tail - position)
             return None
         # Of a longer run of tildes the last six are the marker: no packet type begins with one.
-        while start + len(SYNC) < len(buffer) and buffer[start + len(SYNC)] == SYNC[0]:
-            start += 1
-        head_end = start + len(SYNC) + _HEADER.size
+        start = run.end() - len(SYNC)
+        head_end = run.end() + _HEADER.size
         if len(buffer) < head_end:
             self._drop(start, start - position)
             self._wanted = head_end - start

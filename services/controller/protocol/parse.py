@@ -19,7 +19,7 @@ from schemas.crf import CrfCode
 from services.controller.protocol.answers import Answer, error, refused
 
 MAX_POINTS = 2_000
-MAX_TEXT_BYTES = 8 * 1024 * 1024
+MAX_TEXT_BYTES = 2 * 1024 * 1024
 MAX_DEPTH = 32
 MAX_HEARTBEAT_S = 3600.0
 
@@ -47,7 +47,8 @@ def parse(text: bytes | str, joints: int, max_points: int = MAX_POINTS) -> Parse
     if isinstance(fields, Answer):
         return Parsed(fields, {})
     echo = {"id": fields["id"]} if "id" in fields else {}
-    if _deeper(echo, MAX_DEPTH) or _deeper(fields.get("data"), MAX_DEPTH):
+    free = {"data": fields["data"]} if isinstance(fields.get("data"), dict) else {}
+    if _deeper(echo, MAX_DEPTH) or _deeper(free, MAX_DEPTH):
         return Parsed(error("Not valid json format", f"nested more than {MAX_DEPTH} deep"), {})
     return Parsed(_typed(fields, joints, max_points), echo)
 
