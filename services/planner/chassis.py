@@ -316,8 +316,6 @@ class Chassis:
     def _end(
         self, state: EndState, reason: MoveFailReason = MoveFailReason.NONE, text: str = "", note: str = ""
     ) -> None:
-        self._target = self._runner.target or self._target
-        self._runner.clear()
         self._progress = None
         try:
             self._navigator.stop()

@@ -19,11 +19,10 @@ class MoveRunner:
     def __init__(self, navigator: Navigator, patience_ns: int = PATIENCE_NS) -> None:
         self._navigator = navigator
         self._patience_ns = patience_ns
-        self.clear()
+        self._forget(None)
 
-    def clear(self) -> None:
-        """No move, and nothing left of the last one."""
-        self._request: MoveCreate | None = None
+    def _forget(self, request: MoveCreate | None) -> None:
+        self._request = request
         self._procedure: Procedure | None = None
         self._driving = False
         self._begun = False
@@ -32,8 +31,7 @@ class MoveRunner:
 
     def begin(self, request: MoveCreate) -> None:
         """Take a move; its work starts with the next ``step``, so that asking for it costs nothing."""
-        self.clear()
-        self._request = request
+        self._forget(request)
 
     def step(
         self,

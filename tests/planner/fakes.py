@@ -57,6 +57,7 @@ class ScriptedNavigator:
 
     def set_map(self, data: MapData | None) -> None:
         if self.maps and (error := self.maps.pop(0)) is not None:
+            self.map = None
             raise error
         self.map = data
 

@@ -243,6 +243,25 @@ def test_a_lost_position_stops_it_and_fails_it_only_if_it_lasts(cell: Cell) -> N
     assert ended.fail_message == "the localiser has lost the position; the move stood for 10 s"
 
 
+def test_short_losses_of_the_position_do_not_add_up(cell: Cell) -> None:
+    move = cell.create()
+    for _ in range(3):
+        cell.pose_alive = False
+        cell.tick(150)
+        cell.pose_alive = True
+        cell.tick()
+    assert cell.get(move.id).state == "moving"
+
+
+def test_a_pose_of_the_former_run_is_not_driven_by(cell: Cell) -> None:
+    cell.tick(100)
+    cell.chassis.begin_anew("reset")
+    cell.stamp, cell.pose_alive = -40_000_000, False
+    cell.create()
+    cell.tick(5)
+    assert cell.navigator.goals == []
+
+
 def test_an_error_in_a_tick_fails_the_move_with_1002_and_brakes(cell: Cell) -> None:
     cell.navigator.ticks = [driving(), ZeroDivisionError("by zero")]
     move = cell.create()

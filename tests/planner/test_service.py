@@ -229,6 +229,19 @@ def test_a_driver_that_goes_or_begins_anew_fails_the_move_and_the_next_works(
     assert len(bus.calls) == 2
 
 
+def test_the_same_instant_of_another_run_is_answered_anew(bus: ListBus, cell: Cell) -> None:
+    run(
+        bus,
+        cell,
+        [Presence(SIM, True)],
+        instant(cell, 0),
+        [Presence(SIM, False)],
+        [Presence(SIM, True)],
+        instant(cell, 0, "second"),
+    )
+    assert [command.answers for command in bus.told(topics.COMMAND)] == [0, 0]
+
+
 def test_modes_are_asked_for_on_their_own_query(bus: ListBus, cell: Cell) -> None:
     asked = Asked(topics.CHASSIS_REQUEST, SetControlMode(control_mode="manual"), ChassisRequest)
     run(bus, cell, [asked])
