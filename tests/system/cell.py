@@ -58,6 +58,7 @@ class Cell:
         self._options = options
         self._environment = environment or {}
         self._supervisor: subprocess.Popen[bytes] | None = None
+        self._told_before = 0  # when a former cell wrote its facts, in ns
 
     def __enter__(self) -> Cell:
         self.start()
@@ -86,6 +87,8 @@ class Cell:
     def start(self) -> None:
         """Start the supervisor, and wait until it has told its ports; the services may still be starting."""
         self.folder.mkdir(parents=True, exist_ok=True)
+        with suppress(FileNotFoundError):
+            self._told_before = (self.state_dir / CELL_FILE).stat().st_mtime_ns
         with self.log.open("ab") as log:
             self._supervisor = subprocess.Popen(
                 self.command(),
@@ -181,7 +184,9 @@ class Cell:
         return ""
 
     def _facts(self) -> dict[str, Any] | None:
-        try:
-            return dict(json.loads((self.state_dir / CELL_FILE).read_text()))
-        except FileNotFoundError:
-            return None
+        """Ports and pids as this cell tells them; None before it has."""
+        path = self.state_dir / CELL_FILE
+        with suppress(FileNotFoundError):
+            if path.stat().st_mtime_ns > self._told_before:
+                return dict(json.loads(path.read_text()))
+        return None
