@@ -80,7 +80,7 @@ class Client:
         self.outbox = Outbox()
         self._canonical = LEGACY_NAMES if legacy else {}
         self._names: dict[str, None] = {}
-        self._by_topic: dict[str, dict[str, None]] = {}
+        self._by_topic: dict[str, list[str]] = {}
 
     @property
     def enabled(self) -> list[str]:
@@ -90,20 +90,21 @@ class Client:
     def identity(self) -> Payload:
         return {"id": self.number, "username": f"client-{self.number}", "email": ""}
 
-    def enable(self, name: str) -> bool:
-        """True if the topic was not enabled before. Raises ``ValueError`` beyond ``MAX_TOPICS``."""
-        if name in self._names:
-            return False
-        if len(self._names) >= MAX_TOPICS:
-            raise ValueError(f"more than {MAX_TOPICS} topics")
-        self._names[name] = None
-        self._by_topic.setdefault(self.topic_of(name), {})[name] = None
-        return True
+    def change(self, enable: Iterable[str], disable: Iterable[str] = ()) -> list[str]:
+        """Enable and disable topics. Returns those that were not enabled before.
 
-    def disable(self, name: str) -> None:
-        if name in self._names:
-            del self._names[name]
-            del self._by_topic[self.topic_of(name)][name]
+        Raises ``ValueError``, and changes nothing, where that would enable more than ``MAX_TOPICS``.
+        """
+        dropped = set(disable)
+        kept = {name: None for name in self._names if name not in dropped}
+        fresh = [name for name in dict.fromkeys(enable) if name not in kept]
+        if len(kept) + len(fresh) > MAX_TOPICS:
+            raise ValueError(f"{len(kept) + len(fresh)} topics, want at most {MAX_TOPICS}")
+        self._names = kept | dict.fromkeys(fresh)
+        self._by_topic = {}
+        for name in self._names:
+            self._by_topic.setdefault(self.topic_of(name), []).append(name)
+        return fresh
 
     def topic_of(self, name: str) -> str:
         return self._canonical.get(name, name)

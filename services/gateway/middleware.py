@@ -69,10 +69,11 @@ class SecretHeader:
         if scope["path"] in OPEN_PATHS or scope.get("method") == "OPTIONS":
             return True
         headers = Headers(scope=scope)
-        given = [headers.get("secret", ""), headers.get("authorization", "").removeprefix("Secret ")]
+        texts = (headers.get("secret", ""), headers.get("authorization", "").removeprefix("Secret "))
+        given = [text.encode("latin-1") for text in texts]  # as headers are decoded
         if scope["type"] == "websocket":
-            given += parse_qs(scope["query_string"].decode("latin-1")).get("secret", [])
-        return any(hmac.compare_digest(one.encode(), self.secret) for one in given)
+            given += [text.encode() for text in parse_qs(scope["query_string"].decode("latin-1")).get("secret", [])]
+        return any(hmac.compare_digest(one, self.secret) for one in given)
 
 
 class StrictBody:

@@ -64,7 +64,7 @@ async def _serve(settings: Settings, bus: Bus, inbox: Inbox) -> None:
         bus.announce()
         log.info("listening", url=f"http://{settings.host}:{settings.port}", robot=settings.robot)
 
-    server = Server(_config(app, settings), listening)
+    server = Server(server_config(app, settings), listening)
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, setattr, server, "should_exit", True)
     hub: Hub = app.state.context.hub
@@ -88,7 +88,7 @@ async def _hear(inbox: Inbox, hub: Hub) -> None:
             await asyncio.sleep(0)
 
 
-def _config(app: object, settings: Settings) -> uvicorn.Config:
+def server_config(app: object, settings: Settings) -> uvicorn.Config:
     return uvicorn.Config(
         app,  # type: ignore[arg-type]
         host=settings.host,

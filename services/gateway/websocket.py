@@ -109,11 +109,8 @@ async def answer(message: Any, gateway: Context, client: Client) -> list[str]:
 
 def _subscribe(wanted: Subscription, gateway: Context, client: Client) -> str:
     """The complete set of enabled topics. Unknown ones are echoed, and stay silent: clients take the echo for truth."""
-    for name in _listed(wanted.disable_topic):
-        client.disable(name)
-    for name in _listed(wanted.enable_topic):
-        if client.enable(name):
-            gateway.hub.send_present(client, name)
+    for name in client.change(_listed(wanted.enable_topic), _listed(wanted.disable_topic)):
+        gateway.hub.send_present(client, name)
     return json.dumps({"enabled_topics": client.enabled}, separators=(",", ":"))
 
 

@@ -1,0 +1,157 @@
+"""A robot that keeps its moves and maps in memory, behind the interface of the bus."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bus import BusError, Refused
+from schemas import topics
+from schemas.chassis import ChassisRequest, Done, SetControlMode
+from schemas.maps import (
+    CreateMap,
+    DeleteMap,
+    GetMap,
+    ListMaps,
+    MapData,
+    MapReply,
+    MapRequest,
+    MapSummary,
+    PatchMap,
+    SelectMap,
+    UseMapData,
+)
+from schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveReply, MoveRequest
+
+NOW = 1_746_684_372
+TARGET_MISSING = "(target_x target_y) or target_ori must be provided"
+
+
+class FakeBus:
+    """``failure``, when set, is raised for every call; ``requests`` holds what was asked."""
+
+    def __init__(self) -> None:
+        self.failure: BusError | None = None
+        self.requests: list[Any] = []
+        self.moves: dict[int, Move] = {}
+        self.maps: dict[int, MapData] = {}
+        self.current_map: MapData | None = None
+        self.control_mode = "auto"
+
+    async def acall(self, query: topics.Query[Any, Any], request: Any, robot: str, timeout: float) -> Any:
+        assert robot == "amr1"
+        assert timeout > 0
+        if self.failure is not None:
+            raise self.failure
+        self.requests.append(request.request)
+        match request:
+            case MoveRequest():
+                assert query is topics.MOVES
+                return MoveReply(moves=tuple(self._moves(request.request)))
+            case MapRequest():
+                assert query is topics.MAPS
+                return self._maps(request.request)
+            case ChassisRequest():
+                assert query is topics.CHASSIS_REQUEST
+                return self._chassis(request.request)
+        raise AssertionError(request)
+
+    @property
+    def running(self) -> Move | None:
+        return next((move for move in self.moves.values() if move.state == "moving"), None)
+
+    def end(self, move_id: int, **changes: Any) -> None:
+        self.moves[move_id] = self.moves[move_id].model_copy(update=changes)
+
+    def _moves(self, request: Any) -> list[Move]:
+        running = self.running
+        match request:
+            case CreateMove(move=wanted):
+                if wanted.target_x is None and wanted.target_ori is None and wanted.type != "follow_target":
+                    raise Refused("invalid", TARGET_MISSING)
+                if running is not None:
+                    self.end(running.id, state="cancelled")
+                move = Move(
+                    **wanted.model_dump(),
+                    id=len(self.moves) + 1,
+                    state="moving",
+                    create_time=NOW,
+                    last_modified_time=NOW,
+                )
+                self.moves[move.id] = move
+                return [move]
+            case ListMoves(offset=offset, limit=limit):
+                newest_first = list(reversed(self.moves.values()))
+                return newest_first[offset : None if limit is None else offset + limit]
+            case GetMove(id=move_id) | CancelMove(id=move_id):
+                move_or_none = running if move_id is None else self.moves.get(move_id)
+                if move_or_none is None:
+                    raise Refused(
+                        "not_found", "no move is active" if move_id is None else f"there is no move {move_id}"
+                    )
+                if isinstance(request, CancelMove):
+                    if move_or_none.state != "moving":
+                        raise Refused("precondition", f"move {move_or_none.id} is {move_or_none.state}")
+                    self.end(move_or_none.id, state="cancelled")
+                return [self.moves[move_or_none.id]]
+        raise AssertionError(request)
+
+    def _chassis(self, request: Any) -> Done:
+        if isinstance(request, SetControlMode):
+            self.control_mode = request.control_mode
+        if request.op == "remote_twist" and self.control_mode != "remote":
+            raise Refused("precondition", f"control mode is {self.control_mode}; remote driving needs remote")
+        return Done()
+
+    def _maps(self, request: Any) -> MapReply:
+        match request:
+            case ListMaps():
+                return MapReply(maps=tuple(summary(data) for data in self.maps.values()))
+            case CreateMap():
+                return MapReply(maps=(summary(self._store(request)),))
+            case GetMap(id=None):
+                if self.current_map is None:
+                    raise Refused("not_found", "no map is in use")
+                return MapReply(data=self.current_map)
+            case GetMap(id=map_id):
+                return MapReply(data=self._find(map_id))
+            case PatchMap(id=map_id):
+                changes = {
+                    name: value
+                    for name, value in (("map_name", request.map_name), ("overlays", request.overlays))
+                    if value is not None
+                }
+                self.maps[map_id] = self._find(map_id).model_copy(update=changes)
+                return MapReply(maps=(summary(self.maps[map_id]),))
+            case DeleteMap(id=map_id):
+                self._find(map_id)
+                del self.maps[map_id]
+                return MapReply()
+            case SelectMap(id=map_id, uid=uid):
+                found = [data for data in self.maps.values() if data.id == map_id or data.uid == uid]
+                if not found:
+                    raise Refused("not_found", f"there is no map {map_id if uid is None else uid}")
+                self.current_map = found[0]
+                return MapReply(maps=(summary(found[0]),))
+            case UseMapData(map=created):
+                self.current_map = to_data(created, -1)
+                return MapReply(maps=(summary(self.current_map),))
+        raise AssertionError(request)
+
+    def _find(self, map_id: int | None) -> MapData:
+        if map_id not in self.maps:
+            raise Refused("not_found", f"there is no map {map_id}")
+        return self.maps[map_id]
+
+    def _store(self, created: CreateMap) -> MapData:
+        data = to_data(created, max(self.maps, default=0) + 1)
+        self.maps[data.id] = data
+        return data
+
+
+def to_data(created: CreateMap, map_id: int) -> MapData:
+    fields = created.model_dump(exclude={"op"}) | {"uid": created.uid or f"uid-{map_id}"}
+    return MapData(**fields, id=map_id, create_time=NOW, last_modified_time=NOW)
+
+
+def summary(data: MapData) -> MapSummary:
+    return MapSummary(**data.model_dump(include=set(MapSummary.model_fields)))

@@ -1,0 +1,157 @@
+"""The application on a real loopback port, in a thread, fed by the test."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+import socket
+import struct
+import threading
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, cast
+
+import httpx
+import uvicorn
+from fastapi import FastAPI
+from websockets.sync.client import ClientConnection, connect
+
+from bus import Event, Sample
+from schemas import topics
+from schemas.base import Message
+from services.gateway.app import create_app
+from services.gateway.broadcast import Hub
+from services.gateway.context import Context
+from services.gateway.service import server_config
+from services.gateway.settings import Settings
+from services.gateway.state import State
+from services.gateway.topics import PAYLOADS
+from tests.gateway.fake_bus import FakeBus
+
+PATIENCE = 20.0  # seconds; only ever bounds a failure
+STARTED = 1000.0
+UNPACED = 1e9  # Hz: nothing is held back
+
+
+class Gateway:
+    """A running gateway: its URL, its fake robot, and a client."""
+
+    def __init__(self, port: int, app: FastAPI, loop: asyncio.AbstractEventLoop) -> None:
+        self.url = f"http://127.0.0.1:{port}"
+        self.port = port
+        self.http = httpx.Client(base_url=self.url, timeout=PATIENCE, trust_env=False)
+        self._app = app
+        self._loop = loop
+
+    @property
+    def bus(self) -> FakeBus:
+        return cast(FakeBus, self._context.bus)
+
+    @property
+    def hub(self) -> Hub:
+        return self._context.hub
+
+    @property
+    def _context(self) -> Context:
+        return cast(Context, self._app.state.context)
+
+    def begin_anew(self) -> None:
+        """Forget everything that was heard and asked; listen on as before."""
+        settings, expected = self._context.settings, self._context.state.expected
+        state = State(settings.robot, expected, STARTED)
+        self._app.state.context = Context(settings, state, Hub(state, settings.interval), FakeBus())
+
+    def hear(self, *events: Event) -> None:
+        """Have events arrive from the bus; returns when they are taken in."""
+        self.call(lambda: [self.hub.hear(event) for event in events])
+
+    def publish(self, topic: topics.Topic[Any], message: Message) -> None:
+        self.hear(Sample(topic, "amr1", message))
+
+    def call(self, function: Callable[[], Any]) -> Any:
+        """Run something in the server's loop."""
+
+        async def run() -> Any:
+            return function()
+
+        return asyncio.run_coroutine_threadsafe(run(), self._loop).result(PATIENCE)
+
+    @contextmanager
+    def websocket(self, path: str = "/ws/v2/topics", **options: Any) -> Iterator[Socket]:
+        with connect(f"ws://127.0.0.1:{self.port}{path}", open_timeout=PATIENCE, proxy=None, **options) as connection:
+            yield Socket(connection)
+
+
+class Socket:
+    """A WebSocket client that skips what the server tells unasked of connections."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self.connection = connection
+
+    def send(self, value: Any) -> None:
+        self.connection.send(value if isinstance(value, str | bytes) else json.dumps(value))
+
+    def receive(self) -> dict[str, Any]:
+        while True:
+            message: dict[str, Any] = json.loads(self.connection.recv(timeout=PATIENCE))
+            if not message.get("topic", "").startswith("/ws_connection"):
+                return message
+
+    def ask(self, value: Any) -> dict[str, Any]:
+        self.send(value)
+        return self.receive()
+
+
+@contextmanager
+def running_gateway(settings: Settings | None = None, expect: tuple[Any, ...] = ()) -> Iterator[Gateway]:
+    settings = settings or Settings(rates=dict.fromkeys(PAYLOADS, UNPACED))
+    app = create_app(State(settings.robot, expect, STARTED), FakeBus(), settings)
+    listener = socket.create_server(("127.0.0.1", 0))
+    server = uvicorn.Server(server_config(app, settings))
+    loop = asyncio.new_event_loop()
+    started = threading.Event()
+
+    async def serve() -> None:
+        serving = asyncio.create_task(server.serve([listener]))
+        while not server.started and not serving.done():
+            await asyncio.sleep(0.01)
+        started.set()
+        await serving
+
+    thread = threading.Thread(target=lambda: loop.run_until_complete(serve()), daemon=True)
+    thread.start()
+    try:
+        assert started.wait(PATIENCE)
+        gateway = Gateway(listener.getsockname()[1], app, loop)
+        yield gateway
+        gateway.http.close()
+    finally:
+        server.should_exit = True
+        thread.join(PATIENCE)
+        loop.close()
+        assert not thread.is_alive()
+
+
+def grey_png(width: int, height: int, value: int = 255) -> bytes:
+    """An 8-bit grey PNG of one shade, not compressed: its size is that of its pixels."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    rows = (b"\0" + bytes([value]) * width) * height
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows, 0)) + chunk(b"IEND", b"")
+
+
+def map_body(**changes: Any) -> dict[str, Any]:
+    return {
+        "map_name": "hall",
+        "occupancy_grid": base64.b64encode(grey_png(4, 3)).decode(),
+        "carto_map": "",
+        "grid_origin_x": -1.0,
+        "grid_origin_y": -2.0,
+        "grid_resolution": 0.05,
+        **changes,
+    }

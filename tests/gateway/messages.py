@@ -1,0 +1,112 @@
+"""Messages of one robot, as the bus would bring them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from schemas.base import Pose2, Twist2
+from schemas.chassis import (
+    Battery,
+    ChassisModel,
+    ChassisStatus,
+    Jack,
+    LocalisedPose,
+    Odometry,
+    Scan,
+)
+from schemas.maps import CurrentMap, MapData
+from schemas.moves import PlannedPath, PlanningState
+from schemas.world import Clock
+from tests.gateway.harness import grey_png
+
+SECOND = 1_000_000_000
+
+
+def pose(stamp: int = 0, x: float = 1.0, y: float = 2.0, yaw: float = 0.5, quality: int = 10) -> LocalisedPose:
+    return LocalisedPose(stamp=stamp, pose=Pose2(x=x, y=y, yaw=yaw), covariance=np.eye(3) * 0.01, quality=quality)
+
+
+def odometry(stamp: int = 0, linear: float = 0.0, angular: float = 0.0) -> Odometry:
+    twist = Twist2(linear=linear, angular=angular)
+    return Odometry(stamp=stamp, pose=Pose2(x=0, y=0, yaw=0), twist=twist, wheel_velocities=(0.0, 0.0))
+
+
+def planning(**changes: Any) -> PlanningState:
+    fields: dict[str, Any] = {
+        "stamp": 0,
+        "map_uid": "hall",
+        "action_id": 7,
+        "action_type": "standard",
+        "move_state": "moving",
+        "remaining_distance": 2.875,
+        "target": Pose2(x=4.08004, y=2.99, yaw=0.0),
+    }
+    return PlanningState(**fields | changes)
+
+
+def scan(stamp: int = 0) -> Scan:
+    """Ahead at 2 m, nothing to the left, behind at 1 m, seen by a lidar 0.1 m in front of the centre."""
+    return Scan(
+        stamp=stamp,
+        sensor=Pose2(x=0.1, y=0.0, yaw=0.0),
+        angle_min=0.0,
+        angle_step=math.pi / 2,
+        range_max=10.0,
+        ranges=np.array([2.0, math.nan, 1.0], "<f4"),
+    )
+
+
+def status(**changes: Any) -> ChassisStatus:
+    return ChassisStatus(**{"stamp": 0} | changes)
+
+
+def current_map(stamp: int = 0, png: bytes | None = None) -> CurrentMap:
+    return CurrentMap(
+        stamp=stamp,
+        map=MapData(
+            id=3,
+            uid="hall",
+            map_name="Hall",
+            create_time=5,
+            last_modified_time=6,
+            map_version=1,
+            overlays_version=2,
+            png=grey_png(4, 3) if png is None else png,
+            origin=(-1.0, -2.0),
+            resolution=0.05,
+        ),
+    )
+
+
+def battery(**changes: Any) -> Battery:
+    fields: dict[str, Any] = {"stamp": 0, "percentage": 0.8, "voltage": 25.0, "current": 2.0, "charging": False}
+    return Battery(**fields | changes)
+
+
+def jack(state: Any = "hold", progress: float = 0.0, stamp: int = 0) -> Jack:
+    return Jack(stamp=stamp, state=state, progress=progress, weight=0.0)
+
+
+def model() -> ChassisModel:
+    """0.6 m long (0.4 m of it in front), 0.4 m wide."""
+    corners = np.array([[-0.2, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.2, 0.2]])
+    return ChassisModel(profile="longjack", footprint=corners, wheel_separation=0.35, wheel_radius=0.08)
+
+
+def path(stamp: int = 0) -> PlannedPath:
+    return PlannedPath(stamp=stamp, poses=np.array([[0.0, 0.0, 0.0], [1.0, 0.5, 0.25]]))
+
+
+def clock(unix_seconds: int = 1_700_000_000) -> Clock:
+    return Clock(
+        stamp=0,
+        run="one",
+        step_ns=20_000_000,
+        speed=1.0,
+        paused=False,
+        lockstep=False,
+        unix_ns=unix_seconds * SECOND,
+    )
