@@ -227,6 +227,9 @@ def test_clients_that_use_one_id_for_everything_are_served() -> None:
         for command in ("lockControl", "unlockControl"):
             assert bench.ask("a", command=command, priority=10, id=1)["message"] is True
         assert bench.dispatcher.access.priority_under_control == 0
+    for q in (0.1, 0.2, 0.1):
+        bench.ask("a", **{**PATH, "data": [[q] * 6]}, id=1)
+    assert len(bench.queue) == 3, "one id, but not the same request"
     for _ in range(2):
         bench.ask("a", **VELOCITY, id=1)
         assert bench.turn.admitted, "the same velocity again refreshes the deadman"
