@@ -23,11 +23,14 @@ from services.planner.navigation.settings import NavigationSettings
 Array = NDArray[np.float64]
 
 SEED = 20
+PERIOD = 0.04  # s between two commands
 COLOUR = 0.85  # correlation of the noise from step to step
 BODY_DISCS = 3
+BEARINGS = 24
+TURN_GAIN = 2.5  # 1/s
 HIT = 400.0  # cost of a step in collision, less the later it is
 NEAR_STATIC, STATIC_SCALE = 2.0, 0.08  # cost of a step that touches, falling by e each so many metres
-NEAR_MOVER, MOVER_SCALE = 6.0, 0.25
+NEAR_MOVER, MOVER_SCALE = 6.0, 0.35
 MOVER_GROWTH = 0.08  # m/s by which a prediction gets wider
 BACKWARD = 0.3  # cost of a metre driven backward
 EFFORT = 0.02
@@ -92,7 +95,7 @@ class Mppi:
         weights /= weights.sum()
         solution = np.tensordot(weights, commands, axes=1)
         # The time to the next tick is less than a step, so the solution moves on by that share of it.
-        share = 0.4
+        share = PERIOD / m.step
         self._plan[:-1] = (1 - share) * solution[:-1] + share * solution[1:]
         self._plan[-1] = solution[-1]
         return Twist2(linear=float(solution[0, 0]), angular=float(solution[0, 1]))
@@ -146,7 +149,8 @@ def _rollouts(
 ) -> tuple[Array, Array]:
     """Cost of each sample, and the commands it really consists of after the limits, (k, t, 2).
 
-    Sample 0 is the last solution, 1 stops, 2 backs off, 3 goes straight on; the rest is the last solution with noise.
+    Sample 0 is the last solution, 1 stops, the next turn to all bearings and go there, forward or backward (noise about
+    a standstill would not find these); the rest is the last solution with noise.
     """
     samples, steps = noise.shape[0], noise.shape[1]
     costs = np.zeros(samples)
@@ -159,11 +163,12 @@ def _rollouts(
             wanted_v, wanted_w = plan[t, 0], plan[t, 1]
             if k == 1:
                 wanted_v, wanted_w = 0.0, 0.0
-            elif k == 2:
-                wanted_v, wanted_w = limits[0], 0.0
-            elif k == 3:
-                wanted_v, wanted_w = limits[1], 0.0
-            elif k > 3:
+            elif 2 <= k < 2 + 2 * BEARINGS:
+                forward = k < 2 + BEARINGS
+                away = (k * 2.0 * math.pi / BEARINGS - yaw + math.pi) % (2.0 * math.pi) - math.pi
+                wanted_w = TURN_GAIN * away
+                wanted_v = (limits[1] if forward else limits[0]) * max(math.cos(away), 0.0) ** 2
+            elif k > 0:
                 wanted_v += noise[k, t, 0]
                 wanted_w += noise[k, t, 1]
             wanted_v = min(max(wanted_v, limits[0]), limits[1])
