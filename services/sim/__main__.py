@@ -14,7 +14,7 @@ from schemas.service import WORLD, ServiceId
 from services.sim.errors import WorldFileError
 from services.sim.noise import NoiseSettings
 from services.sim.pacing import Pacer
-from services.sim.profiles import load_profile
+from services.sim.profiles import load_profiles
 from services.sim.service import SimService
 from services.sim.session import Run, Session
 from services.sim.simulation import INSTANT_NS, Simulation
@@ -88,19 +88,19 @@ def main(
     pacer = Pacer(INSTANT_NS, _speed(speed), lockstep, paused, awaited)
     try:
         loaded = load_world(world)
-        profiles = {name: load_profile(profile or place.profile) for name, place in loaded.robots.items()}
+        profiles = load_profiles(loaded, profile)
         unknown = {service.robot for service in awaited} - set(profiles)
         if unknown:
             raise WorldFileError(f"--wait-for names {sorted(unknown)}; robots of {loaded.name}: {sorted(profiles)}")
+        session = Session(
+            build=lambda chosen: Simulation(loaded, profiles, chosen, settings),
+            new_run=lambda: Run(uuid.uuid4().hex[:12], time.time_ns()),
+            seed=loaded.seed if seed is None else seed,
+            pacer=pacer,
+        )
     except WorldFileError as error:
         typer.echo(f"sim: {error}", err=True)
         raise typer.Exit(2) from None
-    session = Session(
-        build=lambda chosen: Simulation(loaded, profiles, chosen, settings),
-        new_run=lambda: Run(uuid.uuid4().hex[:12], time.time_ns()),
-        seed=loaded.seed if seed is None else seed,
-        pacer=pacer,
-    )
     with Bus(ServiceId("sim", WORLD)) as bus:
         bus.handle_signals()
         SimService(bus, session).run()

@@ -61,7 +61,7 @@ def _add_wheels(spec: Any, base: Any, robot: str, profile: Profile) -> None:
     for side, part in zip((1, -1), WHEELS, strict=True):
         name = f"{robot}/{part}"
         wheel = base.add_body(name=name, pos=[0, side * drive.wheel_separation / 2, drive.wheel_radius])
-        wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=0.02)
+        wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=drive.rotor_inertia)
         _geom(
             wheel,
             layers.RUNNING_GEAR,
@@ -103,7 +103,7 @@ def _add_casters(base: Any, robot: str, profile: Profile) -> None:
             mass=0.2,
             condim=1,
             priority=1,  # or the floor's friction would hold them
-            solref=[0.02, 1],
+            solref=[0.03, 1],
             rgba=_DARK,
         )
 

@@ -55,9 +55,7 @@ def brake(now: WheelTargets, drive: Drive, dt: float) -> WheelTargets:
 
 
 def approach(now: float, wanted: float, up: float, down: float) -> float:
-    """``now`` moved towards ``wanted``: by at most ``up`` away from zero, by at most ``down`` towards it, and not through
-    it at once.
-    """
+    """``now`` moved towards ``wanted``, at most ``up`` away from zero or ``down`` towards it; zero is not skipped."""
     if now * wanted < 0:
         wanted = 0.0
     limit = up if abs(wanted) > abs(now) else down

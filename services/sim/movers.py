@@ -12,6 +12,8 @@ from services.sim.worldfile import Point, PoseTuple
 # A walker stands still while a robot's body is nearer than this in front of it, as people do. It looks ahead, not
 # behind: a robot that drives into someone's back still hits them.
 KEEP_CLEAR = 0.5
+SHORTEST_LEG = 0.01
+FASTEST = 10.0
 IN_FRONT = math.radians(75)
 
 
@@ -63,11 +65,11 @@ class Walker:
 
 def make_route(points: Sequence[Point], speed: float, wait: float = 0.0) -> Route:
     """A loop through the points; a point that repeats the one before it is left out. Raises ``ValueError``."""
-    distinct = [p for i, p in enumerate(points) if p != points[i - 1] or len(points) == 1]
+    distinct = [p for i, p in enumerate(points) if math.dist(p, points[i - 1]) > SHORTEST_LEG]
     if len(distinct) < 2:
-        raise ValueError(f"a walk needs two different points, got {list(points)}")
-    if speed <= 0:
-        raise ValueError(f"a walk needs a speed above 0, got {speed}")
+        raise ValueError(f"a walk needs two points more than {SHORTEST_LEG} m apart, got {list(points)}")
+    if not 0 < speed <= FASTEST:
+        raise ValueError(f"a walk needs a speed above 0 and up to {FASTEST} m/s, got {speed}")
     return Route(tuple(distinct), speed, wait)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from services.sim.errors import WorldFileError
-from services.sim.worldfile import Data, Point, PoseTuple, Positive, Size3, read_model, worlds_root
+from services.sim.worldfile import Data, Point, PoseTuple, Positive, Size3, World, read_model, worlds_root
 
 
 class Body(Data):
@@ -26,8 +26,10 @@ class Body(Data):
 
 class Drive(Data):
     """Two driven wheels. ``acceleration``, ``deceleration`` (m/s²) and ``angular_acceleration`` (rad/s²) are what the
-    drive itself holds to. ``braking`` (m/s² of each wheel's rim) is how it stops when it must: hard enough that the
-    wheels stand 200 ms after the last command at full speed, 100 of which the command lives.
+    drive itself holds to. ``braking`` (m/s² of each wheel's rim) is how it stops when it must: as
+    hard as the wheels' grip allows, and a little more. ``gain`` (N·m·s/rad) of the
+    velocity servo: gain · timestep must stay below ``rotor_inertia`` (kg·m², of motor and gear, at the wheel), or a
+    servo at its torque limit chatters.
     """
 
     wheel_radius: Positive
@@ -41,7 +43,8 @@ class Drive(Data):
     angular_acceleration: Positive
     braking: Positive
     torque: Positive
-    gain: Positive = 100.0
+    gain: Positive
+    rotor_inertia: Positive
     friction: Positive = 0.9
 
 
@@ -115,6 +118,19 @@ class Profile(Data):
 
 def known_profiles() -> list[str]:
     return sorted(path.stem for path in (worlds_root() / "chassis").glob("*.yaml"))
+
+
+def load_profiles(world: World, override: str | None = None) -> dict[str, Profile]:
+    """Robot → its profile, or ``override`` for all of them. Raises ``WorldFileError``."""
+    if override is not None:
+        return dict.fromkeys(world.robots, load_profile(override))
+    profiles = {}
+    for robot, place in world.robots.items():
+        try:
+            profiles[robot] = load_profile(place.profile)
+        except WorldFileError as error:
+            raise WorldFileError(f"world {world.name}: robots.{robot}.profile: {error}") from None
+    return profiles
 
 
 def load_profile(name: str) -> Profile:

@@ -128,6 +128,7 @@ def _add_slot(spec: Any, kind: str, index: int) -> None:
     body = spec.worldbody.add_body(name=name, mocap=True, pos=[2.0 * index, 0, PARKED_Z])
     body.explicitinertial = True
     body.mass, body.inertia = 1.0, [1.0, 1.0, 1.0]
+    body.ipos, body.iquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
     geom = body.add_geom(name=name, type=_SLOT_GEOMS[kind], size=[0.2, 0.2, 0.2], rgba=_SLOT_COLOURS[kind])
     _apply(geom, layers.OBSTACLE)
     geom.group = layers.PARKED_GROUP

@@ -86,7 +86,9 @@ class Session:
         return taken
 
     def gone(self, service: ServiceId) -> bool:
-        """A service's liveliness token has vanished. True if it took part."""
+        """A service's liveliness token has vanished: what it commanded counts no more. True if it took part."""
+        if service.service in COMMANDERS:
+            self.simulation.silence(service.robot)
         return self.pacer.leave(service)
 
     def handle(self, request: WorldRequest) -> WorldReply | None:
@@ -98,7 +100,7 @@ class Session:
             case Join() as join:
                 self._join(join)
             case Leave(robot=robot, service=service):
-                self.pacer.leave(ServiceId(service, robot))
+                self.gone(ServiceId(service, robot))
             case Pause(paused=paused):
                 self.pacer.pause(paused)
                 self.changes.clock = True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,7 +18,7 @@ from schemas.service import WORLD
 from schemas.topics import Topic
 from schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, Place, Scene
 from services.sim import scenery
-from services.sim.errors import PhysicsError, RequestRefused, unknown
+from services.sim.errors import PhysicsError, RequestRefused, WorldFileError, unknown
 from services.sim.layers import OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
 from services.sim.ledger import ContactLedger
 from services.sim.movers import Walker, is_in_way, make_route
@@ -30,6 +31,7 @@ from services.sim.worldfile import Mover, PoseTuple, Walk, World
 
 INSTANT_NS = 20_000_000
 SETTLING_INSTANTS = 15
+FARTHEST = 1000.0
 NOISE = NoiseSettings()
 _FATAL_WARNINGS = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -72,7 +74,10 @@ class Simulation:
         self.ledger = ContactLedger(hulls, self.model.ngeom, self._owner)
         self.stamp = 0
         self._hash = hashlib.blake2b(digest_size=16)
-        self._populate()
+        try:
+            self._populate()
+        except (RequestRefused, ValueError) as error:
+            raise WorldFileError(f"world {world.name}: {error}") from None
         self._finish_instant(0.0)
 
     @property
@@ -98,10 +103,16 @@ class Simulation:
         known.command = command
         return True
 
+    def silence(self, robot: str) -> None:
+        """Nobody commands the robot any more: it brakes at once, without waiting for its last command to grow stale."""
+        if robot in self.robots:
+            self.robots[robot].command = None
+
     def place(self, place: Place) -> None:
         """Raises ``RequestRefused`` and changes nothing if it cannot be."""
-        if place.name in self._reserved_names():
-            raise RequestRefused("invalid", f"{place.name!r} is the name of something else in this world")
+        self._check_name(place.name)
+        for pose in (place.pose, *place.walk):
+            check_pose(pose)
         size, walker = place.size, None
         if place.kind == "person" and len(size) == 3:  # the default size, which is a box's
             size = PERSON_SIZE
@@ -119,6 +130,7 @@ class Simulation:
                 self.obstacles.remove(place.name)
                 if former is not None:
                     self.obstacles.place(place.name, former.kind, former.size, former.pose, former.walker)
+                self._kinematics()
                 raise RequestRefused("invalid", f"{place.name!r} would stand in {name}")
 
     def remove(self, name: str) -> None:
@@ -129,15 +141,15 @@ class Simulation:
     def move_robot(self, move: MoveRobot) -> None:
         """Raises ``RequestRefused`` and changes nothing if the robot would stand in something."""
         robot = self._robot(move.robot)
+        check_pose(move.pose)
         before = np.array(self.data.qpos)
         robot.put(_tuple(move.pose))
         self._kinematics()
-        others = np.flatnonzero(self.model.geom_contype & (STATIC_BIT | RACK_BIT | ROBOT_BIT | OBSTACLE_BIT))
-        touched = hull_touches(self.model, self.data, robot.hull, others[others != robot.hull])
+        touched = self._touched(robot)
         if touched is not None:
             self.data.qpos[:] = before
             self._kinematics()
-            raise RequestRefused("invalid", f"{move.robot} would stand in {self._owner(touched)!r}")
+            raise RequestRefused("invalid", f"{move.robot} would stand in {touched!r}")
         robot.rest()
 
     def inject(self, fault: InjectFault) -> None:
@@ -251,6 +263,9 @@ class Simulation:
         for name, obstacle in self.world.obstacles.items():
             self.obstacles.place(name, obstacle.kind, obstacle.size, obstacle.pose, None)
         self._kinematics()
+        for name, robot in self.robots.items():
+            if (touched := self._touched(robot)) is not None:
+                raise RequestRefused("invalid", f"robots.{name}.pose: it would stand in {touched!r}")
 
     def _move_walkers(self, dt: float) -> None:
         robots = [(r.pose, r.profile.body.size[0] / 2, r.profile.body.size[1] / 2) for r in self.robots.values()]
@@ -266,8 +281,17 @@ class Simulation:
         """The name of the thing a geom belongs to."""
         return self.obstacles.names_by_geom().get(geom) or self._geom_names[geom]
 
-    def _reserved_names(self) -> set[str]:
-        return {*self.robots, *self.world.racks, *self.world.statics, *self.world.chargers}
+    def _touched(self, robot: Robot) -> str | None:
+        """The name of something that the robot's body meets where it is, if there is any."""
+        others = np.flatnonzero(self.model.geom_contype & (STATIC_BIT | RACK_BIT | ROBOT_BIT | OBSTACLE_BIT))
+        geom = hull_touches(self.model, self.data, robot.hull, others[others != robot.hull])
+        return None if geom is None else self._owner(geom)
+
+    def _check_name(self, name: str) -> None:
+        if not re.fullmatch(r"[\w.-]{1,60}", name):
+            raise RequestRefused("invalid", f"name {name!r}: want 1 … 60 letters, digits, '_', '-' or '.'")
+        if name in {*self.robots, *self.world.racks, *self.world.statics, *self.world.chargers}:
+            raise RequestRefused("invalid", f"{name!r} is the name of something else in this world")
 
     def _robot(self, name: str) -> Robot:
         if name not in self.robots:
@@ -296,6 +320,12 @@ def _start_of(mover: Mover) -> tuple[PoseTuple, Walker | None]:
         walker = Walker(make_route(mover.motion.points, mover.motion.speed, mover.motion.wait))
         return walker.pose, walker
     return mover.motion.pose, None
+
+
+def check_pose(pose: Pose2) -> None:
+    """Raises ``RequestRefused`` for a place so far off that lengths lose their meaning."""
+    if max(abs(pose.x), abs(pose.y)) > FARTHEST or abs(pose.yaw) > FARTHEST:
+        raise RequestRefused("invalid", f"pose {_tuple(pose)}: want x, y and yaw within ±{FARTHEST:g}")
 
 
 def _tuple(pose: Pose2) -> PoseTuple:

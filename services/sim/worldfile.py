@@ -1,6 +1,6 @@
 """Worlds as data: the models of ``world.yaml`` and its reading. Metres, radians, seconds; map frame.
 
-Things are named mappings, so that an error reads ``movers.anna.motion.walk.spede: …`` and a name exists once.
+Things are named mappings, so that an error reads ``movers.anna.motion.walk: …`` and a name exists once.
 """
 
 from __future__ import annotations
@@ -27,6 +27,16 @@ class Data(BaseModel):
     """The base of all that is read from a file: frozen, finite, closed to unknown fields."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _knows_all_keys(cls, value: Any) -> Any:
+        """Before pydantic says that a key is not permitted: say which ones are."""
+        if isinstance(value, dict) and cls.model_config["extra"] == "forbid":
+            unknown = [key for key in value if key not in cls.model_fields]
+            if unknown:
+                raise ValueError(f"unknown key {unknown[0]!r}; known: {sorted(cls.model_fields)}")
+        return value
 
 
 class Static(Data):
@@ -229,6 +239,6 @@ def read_model(model: type[M], path: Path) -> M:
 
 
 def _told(item: Any) -> str:
-    """One validation error as ``movers.anna.motion.walk.spede: Extra inputs are not permitted; known: …``."""
+    """One validation error as ``movers.anna.motion.walk: unknown key 'spede'; known: …``."""
     where = ".".join(str(part) for part in item["loc"]) or "the file"
-    return f"{where}: {item['msg']}"
+    return f"{where}: {item['msg'].removeprefix('Value error, ')}"

@@ -1,0 +1,133 @@
+"""What may be asked of a running world, and what it answers."""
+
+from __future__ import annotations
+
+from itertools import count
+from typing import Any
+
+import pytest
+
+from schemas import world as asked
+from schemas.base import Pose2, Twist2
+from schemas.chassis import ChassisCommand
+from schemas.service import ServiceId
+from services.sim.errors import RequestRefused
+from services.sim.pacing import Pacer
+from services.sim.session import Run, Session
+from services.sim.simulation import INSTANT_NS
+from tests.sim.helpers import STILL, make_simulation, make_world
+
+PERIOD = 2 * INSTANT_NS
+
+
+def make_session(**pace: Any) -> Session:
+    numbers = count(1)
+    world = make_world()
+    return Session(
+        build=lambda seed: make_simulation(world, seed),
+        new_run=lambda: Run(f"run{next(numbers)}", 1_000),
+        seed=4,
+        pacer=Pacer(INSTANT_NS, **({"speed": None} | pace)),
+    )
+
+
+def ask(session: Session, request: Any) -> asked.WorldReply:
+    reply = session.handle(asked.WorldRequest(request=request))
+    assert reply is not None
+    return reply
+
+
+def join(period: int = PERIOD, robot: str = "amr1", service: str = "planner") -> asked.Join:
+    return asked.Join(robot=robot, service=service, period_ns=period)
+
+
+def test_inspect_tells_how_the_world_stands() -> None:
+    session = make_session(lockstep=True)
+    session.simulation.step()
+    reply = ask(session, asked.Inspect())
+    assert reply.clock == asked.Clock(
+        stamp=INSTANT_NS, run="run1", step_ns=INSTANT_NS, speed=None, paused=False, lockstep=True, unix_ns=1_000
+    )
+    assert (reply.seed, reply.contact_count, reply.participants) == (4, 0, ())
+    assert reply.digest == session.simulation.digest
+
+
+def test_join_and_leave() -> None:
+    session = make_session()
+    assert ask(session, join()).participants == ("amr1/planner",)
+    assert session.take_changes().instant, "who joins hears the present instant"
+    assert not session.take_changes().instant
+    assert ask(session, asked.Leave(robot="amr1", service="planner")).participants == ()
+
+
+@pytest.mark.parametrize(
+    ("request_", "code", "told"),
+    [
+        (join(robot="amr9"), "not_found", "known: \\['amr1'\\]"),
+        (join(service="viewer"), "not_found", "known: \\['planner'\\]"),
+        (join(period=30_000_000), "invalid", "not a multiple of the control instant"),
+        (asked.Advance(duration_ns=1), "precondition", "pause it"),
+        (asked.Remove(name="nothing"), "not_found", "is not known"),
+        (asked.MoveRobot(robot="x", pose=Pose2(x=0, y=0, yaw=0)), "not_found", "is not known"),
+        (asked.InjectFault(robot="x", fault="lidar_dead"), "not_found", "is not known"),
+    ],
+)
+def test_what_cannot_be_is_refused(request_: Any, code: str, told: str) -> None:
+    session = make_session()
+    with pytest.raises(RequestRefused, match=told) as refused:
+        session.handle(asked.WorldRequest(request=request_))
+    assert refused.value.code == code
+
+
+def test_commands_are_noted_with_the_instant_they_answer() -> None:
+    session = make_session()
+    for _ in range(3):
+        session.simulation.step()
+    assert session.command("amr1", ChassisCommand(answers=PERIOD, twist=STILL))
+    assert not session.command("amr1", ChassisCommand(answers=999 * PERIOD, twist=STILL))
+    assert ask(session, asked.Inspect()).command_stamps == {"amr1": PERIOD}
+
+
+def test_who_goes_takes_its_command_with_it() -> None:
+    session = make_session()
+    ask(session, join())
+    session.command("amr1", ChassisCommand(answers=0, twist=Twist2(linear=1.0, angular=0.0)))
+    assert session.gone(ServiceId("planner", "amr1"))
+    assert session.simulation.robots["amr1"].command is None
+    assert not session.gone(ServiceId("viewer", "cell"))
+
+
+def test_reset_begins_anew_with_the_seed_and_without_what_was_done() -> None:
+    session = make_session()
+    first = session.simulation.digest
+    ask(session, join())
+    ask(session, asked.Place(name="crate", pose=Pose2(x=3, y=0, yaw=0)))
+    ask(session, asked.InjectFault(robot="amr1", fault="lidar_dead"))
+    session.simulation.step()
+    reply = ask(session, asked.Reset())
+    assert (reply.clock.stamp, reply.clock.run, reply.seed, reply.participants) == (0, "run2", 4, ())
+    assert reply.digest == first
+    assert not session.simulation.obstacles.placed and not session.simulation.robots["amr1"].faults
+    assert session.pacer.missing(0) == [ServiceId("planner", "amr1")]
+    changes = session.take_changes()
+    assert changes.clock and changes.instant and changes.things
+    assert ask(session, asked.Reset(seed=9)).seed == 9
+    assert ask(session, asked.Reset()).seed == 9
+
+
+def test_advance_is_answered_when_it_has_arrived() -> None:
+    session = make_session(paused=True)
+    assert session.handle(asked.WorldRequest(request=asked.Advance(duration_ns=INSTANT_NS + 1))) is None
+    assert not session.clock.paused
+    with pytest.raises(RequestRefused, match="on its way to stamp 40000000"):
+        session.handle(asked.WorldRequest(request=asked.Advance(duration_ns=1)))
+    while session.pacer.decide(session.simulation.stamp, 0.0).kind == "step":
+        session.simulation.step()
+    assert session.simulation.stamp == PERIOD and session.clock.paused
+
+
+def test_pause_and_speed_show_in_the_clock() -> None:
+    session = make_session()
+    assert ask(session, asked.Pause(paused=True)).clock.paused
+    assert ask(session, asked.SetSpeed(speed=0.5)).clock.speed == 0.5
+    assert session.take_changes().clock
