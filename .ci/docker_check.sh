@@ -40,11 +40,15 @@ curl -fsS "$api/healthz"; echo
 python3 .ci/drive.py "$api"
 
 say "stop"
-docker compose stop
+docker compose --progress quiet stop
 for id in $(docker compose ps -aq); do
-  docker inspect "$id" --format '{{.Name}} ended with {{.State.ExitCode}}' | tee /dev/stderr | grep -q ' 0$' || { say "not a clean end"; exit 1; }
+  ended=$(docker inspect "$id" --format '{{.Name}} ended with {{.State.ExitCode}}')
+  echo "  $ended"
+  [[ $ended == *" 0" ]] || { say "not a clean end"; exit 1; }
 done
-docker compose down -v
+
+say "docker compose down"
+docker compose --progress quiet down -v
 left=$(docker ps -aq; docker volume ls -q; docker network ls -q --filter "label=com.docker.compose.project=$COMPOSE_PROJECT_NAME")
 [ -z "$left" ] || { say "left behind: $left"; exit 1; }
 say "all good: nothing left behind"
