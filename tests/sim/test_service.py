@@ -1,0 +1,178 @@
+"""The simulator on a real bus: what it tells, whom it waits for, and what it answers."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from itertools import count
+from typing import Any
+
+import pytest
+
+from bus import Bus, BusConfig, Inbox, Presence, Refused, Sample
+from schemas import topics
+from schemas import world as asked
+from schemas.base import Pose2, Twist2
+from schemas.chassis import ChassisCommand
+from schemas.service import CELL, ServiceId
+from services.sim.pacing import Pacer
+from services.sim.service import SimService
+from services.sim.session import Run, Session
+from services.sim.simulation import INSTANT_NS
+from tests.bus.conftest import free_port
+from tests.sim.helpers import make_simulation, make_world
+
+PLANNER = ServiceId("planner", "amr1")
+PERIOD = 2 * INSTANT_NS
+STATICS = {"wall": {"kind": "wall", "start": (9, -9), "end": (9, 9)}}
+
+
+class Peer:
+    """A client of the simulator's, on the one bus they share."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.heard: Inbox = bus.inbox()
+        self.heard.subscribe(topics.ODOMETRY, "amr1", depth=1024).watch_services()
+        self.commands = bus.publisher(topics.COMMAND, "amr1")
+
+    def ask(self, request: Any, timeout: float = 10.0) -> asked.WorldReply:
+        return self.bus.call(topics.WORLD_CONTROL, asked.WorldRequest(request=request), timeout=timeout)
+
+    def join(self) -> asked.WorldReply:
+        return self.ask(asked.Join(robot="amr1", service="planner", period_ns=PERIOD))
+
+    def next_odometry(self) -> Any:
+        while not isinstance(event := self.heard.get(timeout=20), Sample):
+            assert event is not None, "the simulator is silent"
+        return event.message
+
+    def answer_until(self, stamp: int) -> None:
+        """Answer each period's odometry, as a planner does, up to that of ``stamp``."""
+        answered = -1
+        while answered < stamp:
+            odometry = self.next_odometry()
+            if odometry.stamp % PERIOD == 0 and odometry.stamp <= stamp:
+                answered = odometry.stamp
+                twist = Twist2(linear=0.4, angular=0.1 * odometry.pose.x)
+                self.commands.put(ChassisCommand(answers=answered, twist=twist))
+
+
+@pytest.fixture
+def start() -> Iterator[Any]:
+    """Start a simulator; called with the pace, returns a peer of it."""
+    running: list[tuple[Bus, Bus, threading.Thread]] = []
+
+    def run(**pace: Any) -> Peer:
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        names = count()
+        session = Session(
+            build=lambda seed: make_simulation(make_world(statics=STATICS), seed),
+            new_run=lambda: Run(f"run{next(names)}", 0),
+            seed=1,
+            pacer=Pacer(INSTANT_NS, **({"speed": None} | pace)),
+        )
+        sim_bus = Bus(ServiceId("sim", "world"), BusConfig(listen=endpoint, connect=""))
+        thread = threading.Thread(target=serve, args=(sim_bus, session))
+        peer_bus = Bus(ServiceId("probe", CELL), BusConfig(connect=endpoint))
+        peer_bus.__enter__()
+        peer = Peer(peer_bus)
+        thread.start()
+        running.append((sim_bus, peer_bus, thread))
+        while (event := peer.heard.get(timeout=20)) != Presence(ServiceId("sim", "world"), True):
+            assert event is not None, "the simulator did not come"
+        return peer
+
+    yield run
+    for sim_bus, peer_bus, thread in running:
+        sim_bus.stop()
+        thread.join(10)
+        assert not thread.is_alive()
+        peer_bus.__exit__(None, None, None)
+
+
+def serve(bus: Bus, session: Session) -> None:
+    with bus:
+        SimService(bus, session).run()
+
+
+def test_it_stands_at_zero_until_all_have_joined_and_tells_the_instant_to_who_joins(start: Any) -> None:
+    peer = start(awaited=(PLANNER,), lockstep=True)
+    assert peer.ask(asked.Inspect()).clock.stamp == 0
+    assert peer.join().participants == ("amr1/planner",)
+    assert peer.next_odometry().stamp == 0
+    peer.answer_until(10 * PERIOD)
+    assert peer.ask(asked.Inspect()).command_stamps == {"amr1": 10 * PERIOD}
+
+
+def test_lockstep_runs_over_the_bus_are_the_same_to_the_byte(start: Any) -> None:
+    peer = start(awaited=(PLANNER,), lockstep=True)
+    digests = set()
+    for _ in range(2):
+        assert peer.ask(asked.Pause(paused=True)).clock.paused
+        peer.ask(asked.Reset(seed=5))
+        peer.join()
+        advance = threading.Thread(target=peer.ask, args=(asked.Advance(duration_ns=30 * PERIOD),))
+        advance.start()
+        peer.answer_until(29 * PERIOD)
+        advance.join(10)
+        reply = peer.ask(asked.Inspect())
+        assert reply.clock.stamp == 30 * PERIOD and reply.clock.paused
+        digests.add(reply.digest)
+    assert len(digests) == 1
+
+
+def test_an_instant_that_nobody_answers_is_told_again(start: Any) -> None:
+    peer = start(awaited=(PLANNER,), lockstep=True)
+    peer.join()
+    stamps = [peer.next_odometry().stamp for _ in range(3)]
+    assert stamps == [0, 0, 0]
+
+
+def test_it_goes_on_without_a_participant_that_leaves(start: Any) -> None:
+    peer = start(awaited=(PLANNER,), lockstep=True)
+    peer.join()
+    peer.ask(asked.Leave(robot="amr1", service="planner"))
+    while peer.next_odometry().stamp < 10 * PERIOD:
+        pass
+
+
+def test_requests_are_answered_while_it_is_paused_and_refusals_carry_code_and_text(start: Any) -> None:
+    peer = start(paused=True)
+    assert peer.ask(asked.Place(name="crate", pose=Pose2(x=3, y=0, yaw=0))).clock.stamp == 0
+    with pytest.raises(Refused, match="invalid: 'wall' is the name of something else"):
+        peer.ask(asked.Place(name="wall", pose=Pose2(x=3, y=0, yaw=0)))
+    with pytest.raises(Refused, match="not_found"):
+        peer.ask(asked.Remove(name="wall"))
+    assert peer.ask(asked.Advance(duration_ns=PERIOD)).clock.stamp == PERIOD
+
+
+def test_models_and_scene_are_there_for_who_comes_late(start: Any) -> None:
+    peer = start(paused=True)
+    peer.ask(asked.Place(name="crate", pose=Pose2(x=3, y=0, yaw=0)))
+    late = peer.bus.inbox().subscribe(topics.CHASSIS_MODEL, "amr1").subscribe(topics.SCENE)
+    messages = {}
+    while len(messages) < 2 or "crate" not in {geom.body for geom in messages[topics.SCENE.name].geoms}:
+        event = late.get(timeout=20)
+        assert isinstance(event, Sample), "nothing is latched"
+        messages[event.topic.name] = event.message
+    assert messages[topics.CHASSIS_MODEL.name].profile == "longjack"
+
+
+def test_an_advance_that_is_cut_short_is_refused(start: Any) -> None:
+    peer = start(awaited=(PLANNER,), paused=True)  # nobody joins: it cannot arrive
+    refusals = []
+
+    def advance() -> None:
+        try:
+            peer.ask(asked.Advance(duration_ns=PERIOD))
+        except Refused as refused:
+            refusals.append(refused.code)
+
+    thread = threading.Thread(target=advance)
+    thread.start()
+    while peer.ask(asked.Inspect()).clock.paused:
+        pass
+    peer.ask(asked.Pause(paused=True))
+    thread.join(10)
+    assert refusals == ["precondition"]
