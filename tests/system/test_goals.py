@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import random
 from collections.abc import Callable, Iterator
@@ -9,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+import yaml
+from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt
 
 import worlds
@@ -21,6 +23,7 @@ from tests.system.judge import Judge, distance, standard, turn
 
 CRATES = {"crate_1": (9.4, 7.1), "crate_2": (14.3, 9.6)}
 SEED, GOALS = 20, 20
+CELL = 0.05  # m, of the map's picture
 CLEARANCE = 0.7  # m, from a goal to anything: the chassis turns there
 
 
@@ -35,17 +38,35 @@ def driver(make_cell: Callable[..., Cell]) -> Iterator[Driver]:
 
 def free_goals(things: dict[str, tuple[float, float]]) -> Iterator[tuple[float, float, float]]:
     """Random poses with room around them, by the map's picture and by where racks and crates truly stand."""
-    folder = Path(worlds.__file__).parent / "warehouse"
-    grey = np.asarray(Image.open(folder / "map.png").convert("L"))
-    room = distance_transform_edt(grey > 200)[::-1] * 0.05
+    ground, (left, lower) = allowed_ground()
+    room = distance_transform_edt(ground) * CELL
     height, width = room.shape
     rng = random.Random(SEED)
     while True:
         x, y = rng.uniform(0.5, 19.5), rng.uniform(0.5, 13.5)
-        row, column = int(y / 0.05), int(x / 0.05)
+        row, column = int((y - lower) / CELL), int((x - left) / CELL)
         crowded = any(math.hypot(x - tx, y - ty) < CLEARANCE + 0.75 for tx, ty in things.values())
         if row < height and column < width and room[row, column] > CLEARANCE and not crowded:
             yield x, y, rng.uniform(-math.pi, math.pi)
+
+
+def allowed_ground() -> tuple[np.ndarray, tuple[float, float]]:
+    """Where the map is free and no overlay forbids to be, rows from the lower edge up; the corner of the first cell."""
+    folder = Path(worlds.__file__).parent / "warehouse"
+    picture = Image.open(folder / "map.png").convert("L")
+    pen = ImageDraw.Draw(picture)
+    left, lower, _ = yaml.safe_load((folder / "map.yaml").read_text())["origin"]
+
+    def pixels(points: list[list[float]]) -> list[tuple[float, float]]:
+        return [((x - left) / CELL, picture.height - (y - lower) / CELL) for x, y in points]
+
+    for feature in json.loads((folder / "overlays.geojson").read_text())["features"]:
+        kind, coordinates = feature["properties"], feature["geometry"]["coordinates"]
+        if str(kind.get("lineType")) == "2":
+            pen.line(pixels(coordinates), fill=0, width=2)
+        elif str(kind.get("regionType")) == "1":
+            pen.polygon(pixels(coordinates[0]), fill=0)
+    return (np.asarray(picture) > 200)[::-1], (left, lower)
 
 
 def test_twenty_goals_are_reached_and_nothing_is_touched(driver: Driver) -> None:
