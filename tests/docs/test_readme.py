@@ -43,11 +43,13 @@ def blocks(page: Path) -> list[Block]:
 
 
 README = blocks(ROOT / "README.md")
+# The other pages' examples, on the cell on which the README's first move has been driven.
+PAGES = [block for page in sorted((ROOT / "docs").glob("*.md")) for block in blocks(page)]
 
 
 def test_every_block_is_marked() -> None:
     assert len(README) >= 6
-    for block in README:
+    for block in README + [block for block in PAGES if block.language]:
         assert block.what, f"nobody runs this block:\n{block.text}"
 
 
@@ -63,10 +65,10 @@ def test_the_readme_works_as_written(tmp_path: Path) -> None:
     assert [block.text for block in starts] == ["make run"]
     with MakeRun(tmp_path) as cell:
         port, bus_port = cell.http.rpartition(":")[2], cell.bus.rpartition(":")[2]
-        for block in README:
+        for block in README + PAGES:
             if block.what == "run":
                 text = block.text.replace("8090", port).replace("7447", bus_port)
-                shown = run_block(block.language, text)
+                shown = run_block(block.language, text, cell.bus)
                 assert block.expect in shown, f"{text}\n\nshowed\n\n{shown}\n\nwant {block.expect}"
 
 
@@ -87,9 +89,12 @@ class MakeRun(Cell):
         return self.supervisor.returncode
 
 
-def run_block(language: str, text: str) -> str:
+def run_block(language: str, text: str, bus: str) -> str:
     """The output of a block. Fails with it if the exit status is not 0."""
+    environment = {**os.environ, "RACKHAND_BUS_CONNECT": bus}
     commands = {"sh": ["bash", "-euo", "pipefail", "-c", text], "python": [sys.executable, "-c", text]}
-    result = subprocess.run(commands[language], cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    result = subprocess.run(
+        commands[language], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
     assert result.returncode == 0, f"{text}\n\n{result.stdout}{result.stderr}"
     return result.stdout
