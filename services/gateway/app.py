@@ -11,6 +11,7 @@ from starlette.middleware.cors import CORSMiddleware
 from services.gateway import chassis, device, errors, health, index, maps, moves, websocket
 from services.gateway.broadcast import Hub
 from services.gateway.context import BusClient, Context
+from services.gateway.methods import AllowedMethods
 from services.gateway.middleware import AnyMethod, SecretHeader, StrictBody, TrailingSlash
 from services.gateway.settings import Settings
 from services.gateway.state import State
@@ -40,10 +41,12 @@ def create_app(state: State, bus: BusClient, settings: Settings | None = None) -
         app.include_router(router)
     app.include_router(health.router)
     app.include_router(websocket.router)
-    errors.install(app)
+    _describe(app)
+    allowed = AllowedMethods(app.openapi()).header
+    errors.install(app, allowed)
     # The last one added is the first to see a request.
     app.add_middleware(StrictBody, max_bytes=settings.max_body_bytes)
-    app.add_middleware(AnyMethod)
+    app.add_middleware(AnyMethod, allowed=allowed)
     app.add_middleware(SecretHeader, secret=settings.secret)
     app.add_middleware(TrailingSlash)
     app.add_middleware(
@@ -53,7 +56,6 @@ def create_app(state: State, bus: BusClient, settings: Settings | None = None) -
         allow_methods=["GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE"],
         allow_headers=["*"],
     )
-    _describe(app)
     return app
 
 

@@ -6,7 +6,7 @@ An unknown URL answers an HTML page, as a real robot does, unless the client ask
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -85,8 +85,8 @@ def from_bus(error: BusError | MalformedMessage) -> JSONResponse:
             return detail(503, f"the answer from the bus could not be read: {error}")
 
 
-def install(app: FastAPI) -> None:
-    """Every failure in its shape; none with a traceback in it."""
+def install(app: FastAPI, allowed: Callable[[str], str]) -> None:
+    """Every failure in its shape; none with a traceback in it. ``allowed`` gives a path's ``Allow`` header."""
 
     @app.exception_handler(BadRequest)
     async def malformed(_: Request, error: BadRequest) -> Response:
@@ -106,6 +106,9 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(HTTPException)
     async def http(request: Request, error: HTTPException) -> Response:
+        if error.status_code == 405:
+            headers = {"allow": allowed(request.scope["path"])}
+            return detail(405, f'Method "{request.method}" not allowed.', headers)
         return http_error(request, error)
 
     @app.exception_handler(Exception)
@@ -141,8 +144,6 @@ def _short(value: Any) -> str:
 
 
 def http_error(request: Request, error: HTTPException) -> Response:
-    if error.status_code == 405:
-        return detail(405, f'Method "{request.method}" not allowed.', dict(error.headers or {}))
     if error.status_code == 404 and error.detail == "Not Found" and not _wants_json(request):
         return _page_not_found(request.scope["path"])
     return detail(error.status_code, str(error.detail), dict(error.headers or {}))

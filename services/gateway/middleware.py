@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hmac
+from collections.abc import Callable
 from urllib.parse import parse_qs
 
 from starlette.concurrency import run_in_threadpool
@@ -36,13 +37,14 @@ class TrailingSlash:
 class AnyMethod:
     """HEAD is GET without a body (which the server leaves out by itself), and OPTIONS is always answered."""
 
-    def __init__(self, app: ASGIApp) -> None:
+    def __init__(self, app: ASGIApp, allowed: Callable[[str], str]) -> None:
         self.app = app
+        self.allowed = allowed
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         method = scope.get("method")
         if method == "OPTIONS":
-            await Response(headers={"allow": "GET, HEAD, OPTIONS, POST, PATCH, DELETE"})(scope, receive, send)
+            await Response(headers={"allow": self.allowed(scope["path"])})(scope, receive, send)
             return
         await self.app({**scope, "method": "GET"} if method == "HEAD" else scope, receive, send)
 

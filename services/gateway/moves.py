@@ -43,7 +43,7 @@ async def current_move(gateway: Gateway) -> MoveFull:
     return MoveFull.of(await _one(gateway, MoveRequest(request=GetMove())))
 
 
-@router.get("/latest", responses=failures(404, 503))
+@router.get("/latest", include_in_schema=False)  # in no document, but some clients ask
 async def latest_move(gateway: Gateway) -> MoveFull:
     """The newest move, running or not."""
     return MoveFull.of(await _one(gateway, MoveRequest(request=ListMoves(limit=1))))

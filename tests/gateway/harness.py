@@ -80,7 +80,9 @@ class Gateway:
 
     @contextmanager
     def websocket(self, path: str = "/ws/v2/topics", **options: Any) -> Iterator[Socket]:
-        with connect(f"ws://127.0.0.1:{self.port}{path}", open_timeout=PATIENCE, proxy=None, **options) as connection:
+        url = f"ws://127.0.0.1:{self.port}{path}"
+        # Without a bound on what it has not read, the client never stops reading, and closing never waits.
+        with connect(url, open_timeout=PATIENCE, proxy=None, max_queue=None, **options) as connection:
             yield Socket(connection)
 
 
