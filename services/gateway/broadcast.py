@@ -8,6 +8,7 @@ import json
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
 from bus import Event
@@ -127,6 +128,7 @@ class Hub:
         self._numbers = itertools.count(1)
         self._last_sent: dict[str, float] = {}
         self._due: dict[str, asyncio.TimerHandle] = {}
+        self._planning_heard = asyncio.Event()
 
     def join(self, legacy: bool = False) -> Client:
         client = Client(next(self._numbers), legacy)
@@ -143,6 +145,16 @@ class Hub:
     def hear(self, event: Event) -> None:
         for change in self.state.hear(event, time.time()):
             self._changed(change)
+            if change.topic == "/planning_state":
+                self._planning_heard.set()
+
+    async def wait_for_move(self, move_id: int, seconds: float) -> None:
+        """Until what is latched tells of this move or a later one; at most so long."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                while not self.state.tells_of_move(move_id):
+                    self._planning_heard.clear()
+                    await self._planning_heard.wait()
 
     def send_present(self, client: Client, name: str) -> None:
         """The latched value of a topic the client has just enabled, if there is one."""

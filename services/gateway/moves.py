@@ -23,7 +23,10 @@ async def create_move(body: MoveBody, gateway: Gateway) -> MoveFull:
 
     A target that is well formed but cannot be reached is taken, and the move then fails saying why.
     """
-    return MoveFull.of(await _one(gateway, MoveRequest(request=CreateMove(move=body.to_message()))))
+    move = await _one(gateway, MoveRequest(request=CreateMove(move=body.to_message())))
+    # Some clients subscribe only now, and take the first end they are told of for that of their move.
+    await gateway.hub.wait_for_move(move.id, gateway.settings.planning_state_timeout)
+    return MoveFull.of(move)
 
 
 @router.get("", responses=failures(400, 503))

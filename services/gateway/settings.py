@@ -40,6 +40,9 @@ class Settings(BaseSettings):
     allow_origins: str = Field(default=".*", description="regular expression of browser origins that may call")
     service_status: Literal[200, 201] = 200
     call_timeout: Annotated[float, Field(gt=0, description="seconds to wait for an answer from the bus")] = 2.0
+    planning_state_timeout: Annotated[
+        float, Field(ge=0, description="seconds POST waits, at most, until /planning_state tells of the new move")
+    ] = 0.25
     max_body_bytes: Annotated[int, Field(gt=0)] = 32 * 1024 * 1024
     rates: dict[str, Annotated[float, Field(gt=0)]] = Field(
         default_factory=dict, description="overrides the measured rates, Hz"

@@ -93,6 +93,9 @@ class State:
                 self._presence(service, alive, now)
         return []
 
+    def tells_of_move(self, move_id: int) -> bool:
+        return self.facts.planning is not None and self.facts.planning.action_id >= move_id
+
     @property
     def all_up(self) -> bool:
         return all(self.is_alive(service) for service in self.expected)

@@ -108,7 +108,7 @@ class Socket:
 
 @contextmanager
 def running_gateway(settings: Settings | None = None, expect: tuple[Any, ...] = ()) -> Iterator[Gateway]:
-    settings = settings or Settings(rates=dict.fromkeys(PAYLOADS, UNPACED))
+    settings = settings or Settings(rates=dict.fromkeys(PAYLOADS, UNPACED), planning_state_timeout=0)
     app = create_app(State(settings.robot, expect, STARTED), FakeBus(), settings)
     listener = socket.create_server(("127.0.0.1", 0))
     server = uvicorn.Server(server_config(app, settings))

@@ -132,6 +132,23 @@ def test_events_are_never_held_back_nor_overtaken_by_an_older_sample() -> None:
     run(test())
 
 
+def test_who_waits_for_a_move_waits_until_it_is_told_of_and_not_for_ever() -> None:
+    async def test() -> None:
+        broadcaster, _ = hub(interval=0.0)
+        await broadcaster.wait_for_move(7, 0.0)
+        broadcaster.hear(planning(action_id=6, move_state="succeeded"))
+        waiting = asyncio.create_task(broadcaster.wait_for_move(7, 1000.0))
+        broadcaster.hear(planning(action_id=6, move_state="cancelled"))
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        assert not waiting.done()
+        broadcaster.hear(planning(action_id=7))
+        await waiting
+        await broadcaster.wait_for_move(7, 1000.0)
+
+    run(test())
+
+
 def test_a_frame_is_made_once_for_all_who_listen_and_not_at_all_for_none() -> None:
     async def test() -> None:
         broadcaster, first = hub(interval=0.0)

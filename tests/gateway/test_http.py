@@ -122,7 +122,7 @@ def test_content_types(gateway: Gateway) -> None:
 
 
 def test_a_body_that_is_too_large_is_413(gateway: Gateway) -> None:
-    with running_gateway(Settings(max_body_bytes=1000)) as small:
+    with running_gateway(Settings(max_body_bytes=1000, planning_state_timeout=0)) as small:
         answer = small.http.post("/chassis/moves", content=b" " * 1001, headers=JSON)
         assert (answer.status_code, answer.json()) == (413, {"detail": "The body is larger than 1000 bytes."})
         assert small.http.post("/chassis/moves", json=MOVE).status_code == 201
@@ -161,7 +161,7 @@ def test_head_is_get_without_a_body(gateway: Gateway) -> None:
 
 
 def test_the_secret_where_one_is_set() -> None:
-    with running_gateway(Settings(secret="gehéim")) as gateway:
+    with running_gateway(Settings(secret="gehéim", planning_state_timeout=0)) as gateway:
         http = gateway.http
         secret = "gehéim".encode()
         assert http.get("/chassis/moves").status_code == 401
