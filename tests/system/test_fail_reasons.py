@@ -111,10 +111,11 @@ def goal_behind_virtual_walls(driver: Driver) -> int:
 
 
 def goal_in_a_slot_too_narrow_to_turn_into(driver: Driver) -> int:
-    """A passage of 0.6 m with a right angle in it: wide enough for the inscribed circle, not for the body."""
-    x, y = start(driver).x + 2.0, start(driver).y
-    outer = ((x, y + 0.3), (x + 0.6, y + 0.3), (x + 0.6, y + 3.0), (x - 1.0, y + 3.0), (x - 1.0, y + 5.0),
-             (x + 3.0, y + 5.0), (x + 3.0, y + 3.0), (x + 1.2, y + 3.0), (x + 1.2, y - 0.3), (x, y - 0.3))  # fmt: skip
+    """A passage of 0.66 m with a right angle in it: wide enough for the inscribed circle, not for the body to turn."""
+    wide, x, y = 0.66, start(driver).x + 2.0, start(driver).y
+    passage = ((x + wide, y + wide / 2), (x + wide, y + 3.0)), ((x, y - wide / 2), (x + 2 * wide, y - wide / 2))
+    outer = ((x, y + wide / 2), *passage[0], (x - 1.0, y + 3.0), (x - 1.0, y + 5.0), (x + 3.0, y + 5.0),
+             (x + 3.0, y + 3.0), (x + 2 * wide, y + 3.0), *reversed(passage[1]))  # fmt: skip
     driver.overlay(wall(*outer))
     return driver.post(standard(x + 1.0, y + 4.0, 0.0))
 
