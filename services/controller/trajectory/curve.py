@@ -47,8 +47,8 @@ class JointCurve:
         return JointCurve(*(np.concatenate(pair) for pair in parts))
 
     def from_(self, s: float) -> JointCurve:
-        """Without the pieces that end at or before ``s``."""
-        first = max(0, min(int(np.searchsorted(self.s, s, side="right")) - 1, self.s.size - 2))
+        """Without the pieces that end at or before ``s``, to 1e-9."""
+        first = max(0, min(int(np.searchsorted(self.s, s + 1e-9, side="right")) - 1, self.s.size - 2))
         return JointCurve(self.s[first:], self.q[first:], self.dq[first:], self.ddq[first:])
 
 

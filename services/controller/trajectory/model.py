@@ -20,6 +20,7 @@ class PathRefused(ValueError):
     def __init__(self, point: int, reason: str) -> None:
         super().__init__(f"way-point {point}: {reason}")
         self.point = point
+        self.reason = reason
 
 
 class Placement(Protocol):

@@ -25,6 +25,12 @@ class Smoothing:
         if not 0 < self.short <= self.long:
             raise ValueError(f"box lengths must be 0 < short <= long, not {self.short} and {self.long}")
 
+    @classmethod
+    def for_limits(cls, acceleration: Array, jerk: Array) -> Smoothing:
+        """Boxes long enough for a change from full deceleration to full acceleration at most at ``jerk`` (n,)."""
+        long = max(0.02, 2.1 * float((acceleration / jerk).max()))
+        return cls(long, 0.25 * long)
+
     @property
     def total(self) -> float:
         return self.long + self.short

@@ -42,7 +42,7 @@ def extend_joints(
         curve = path.curve()
         tail = curve.from_(begin)
         lines = rows(tail, limits.joints, motion.planning, limits.task, None, kinematics)
-        return _driven(replace(motion, path=path, curve=curve, rows=_joined(motion.rows, lines, begin, stop)), t)
+        return _driven(replace(motion, path=path, curve=curve, rows=_joined(motion.rows, lines, stop)), t)
 
     return _first_feasible(spliced(free) for free in (_free(motion, t), 0.0))
 
@@ -66,13 +66,13 @@ def extend_task(
         path = old.extended(more, tolerance, free)
         begin, stop = _corner(path.legs, old.legs)
         here = motion.curve.derivatives(np.array([begin]), left=True)[:3]
-        tail = follow(kinematics, limits.joints, path, here[0, 0], begin, 2 - old.legs.s.size, options)
+        tail = follow(kinematics, limits.joints, path, here[0, 0], begin, 1 - old.legs.s.size, options)
         if not stop:
             # Where both meet, the derivatives that are already driven count, so that the curve stays smooth.
             first = (np.concatenate([now, column[1:]]) for now, column in zip(here, _columns(tail), strict=True))
             tail = JointCurve(tail.s, *first)
         lines = rows(tail, limits.joints, motion.planning, limits.task, path, kinematics)
-        joined = _joined(motion.rows, lines, begin, stop)
+        joined = _joined(motion.rows, lines, stop)
         return _driven(replace(motion, path=path, curve=motion.curve.joined(tail, stop), rows=joined), t)
 
     return _first_feasible(spliced(free) for free in (_free(motion, t), 0.0))
@@ -101,9 +101,9 @@ def _corner(new: Legs, old: Legs) -> tuple[float, bool]:
     return float(new.s[corner] - new.radius[corner]), bool(new.stop[corner])
 
 
-def _joined(old: Rows, tail: Rows, begin: float, stop: bool) -> Rows:
+def _joined(old: Rows, tail: Rows, stop: bool) -> Rows:
     if not stop:
-        return old.between(float(old.s[0]), begin).joined(tail)
+        return old.between(float(old.s[0]), float(tail.s[0]) - 1e-9).joined(tail)
     joined = old.joined(tail)
     joined.rest[old.s.size - 1 : old.s.size + 1] = 1.0
     return joined
@@ -111,7 +111,7 @@ def _joined(old: Rows, tail: Rows, begin: float, stop: bool) -> Rows:
 
 def _driven(motion: Motion, t: float) -> tuple[Motion, bool]:
     timed = plan(motion.curve, motion.rows, motion.planning, motion.until(t), motion.rate)
-    return motion.driven(timed), timed.feasible
+    return motion.driven(timed), timed.feasible and max(timed.use) <= 1 + 5 * motion.planning.slack
 
 
 def _first_feasible(tries: Iterator[tuple[Motion, bool]]) -> Motion:

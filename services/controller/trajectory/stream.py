@@ -1,6 +1,6 @@
 """A motion that is under way: sampled at any time, stopped along its path, slowed, resumed, extended.
 
-A ``Motion`` is a value. Every change makes a new one that agrees with the old until the time of the change: the planned
+A ``Motion`` is a value. Every change makes a new one that takes over from the old at the time of the change: the planned
 phase is cut there and goes on differently, and as the filter runs over both parts alike, q, dq and ddq stay continuous.
 Times are seconds on the caller's axis and belong to the commanded motion.
 """
@@ -92,6 +92,10 @@ class Motion:
         """From ``t`` on to the end of the path."""
         return self.scaled(t, self.rate)
 
+    def shifted(self, by: float) -> Motion:
+        """The same, ``by`` seconds later."""
+        return replace(self, phase=replace(self.phase, t=self.phase.t + by))
+
     def until(self, t: float) -> Phase:
         """What is driven before ``t``, as far back as the filter still sees it."""
         return self.phase.cut(t, self.planning.smoothing.total)
@@ -102,7 +106,7 @@ class Motion:
 
 
 def start_joints(
-    t: float, path: JointPath, limits: Limits, planning: Planning, kinematics: Kinematics | None
+    t: float, path: JointPath, limits: Limits, planning: Planning, kinematics: Kinematics | None = None
 ) -> Motion:
     """A motion along a joint path, at rest at ``t``. ``kinematics`` is needed with task limits only."""
     return _start(t, path, path.curve(), limits, planning, kinematics)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
@@ -12,6 +12,10 @@ from services.controller.trajectory.geometry import TaskPath
 from services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
 from services.controller.trajectory.phase import Phase, Smoothing, at_rest, phase_from
 from services.controller.trajectory.topp import controllable, drive
+
+_AT_REST = 1e-9
+_BRAKING = (1.0, 0.95, 0.9, 0.8)
+"""Shares of the planned acceleration that a stop tries until what leaves the filter keeps the limits."""
 
 
 @dataclass(frozen=True)
@@ -115,24 +119,33 @@ def plan(curve: JointCurve, all_rows: Rows, planning: Planning, now: Phase | Non
     here = all_rows.between(float(now.s[-1]))
     share = np.full((2, here.s.size), [[planning.velocity], [planning.acceleration]])
     best = timed = _timed(curve, here, planning, now, rate, share)
-    for _ in range(planning.rounds):
-        if max(timed.use) <= 1 + planning.slack or not timed.feasible:
+    for again in range(planning.rounds):
+        if max(best.use) <= 1 + planning.slack:
             break
-        _lower(share, here, timed.phase, planning, *_ratios(curve, here, timed.phase, planning, now.end))
+        ratios = _ratios(curve, here, timed.phase, planning, now.end)
+        _lower(share, here, timed.phase, planning, *ratios, everywhere=again >= planning.rounds // 2)
         timed = _timed(curve, here, planning, now, rate, share)
         # What has begun may not allow more caution: then the best so far stays.
-        if timed.feasible and max(timed.use) < max(best.use):
-            best = timed
+        if max(timed.use) < max(best.use):
+            best = replace(timed, feasible=best.feasible)
     return best
 
 
 def brake(curve: JointCurve, all_rows: Rows, planning: Planning, now: Phase) -> Timed:
     """From where ``now`` ends to rest along the ``curve``, as soon as its limits allow."""
     here = all_rows.between(float(now.s[-1]))
-    c = np.full(here.s.size, planning.acceleration)
-    x, u, end = drive(here.s, here.A, here.B, c, np.zeros(here.s.size), float(now.v[-1]) ** 2, 0.0, True)
-    phase = now.then(phase_from(now.end, here.s, x, u, end, planning.smoothing.total))
-    return Timed(phase, _use(curve, here, phase, planning, now.end))
+    tries = []
+    for share in _BRAKING:
+        c = np.full(here.s.size, share * planning.acceleration)
+        x, u, end = drive(here.s, here.A, here.B, c, np.zeros(here.s.size), float(now.v[-1]) ** 2, 0.0, True)
+        if x[-1] > _AT_REST and end == here.s[-1]:
+            # Too gentle to stop before the end.
+            continue
+        phase = now.then(phase_from(now.end, here.s, x, u, end, planning.smoothing.total))
+        tries.append(Timed(phase, _use(curve, here, phase, planning, now.end)))
+        if max(tries[-1].use) <= 1 + planning.slack:
+            break
+    return min(tries, key=lambda tried: max(tried.use))
 
 
 def _timed(curve: JointCurve, here: Rows, planning: Planning, now: Phase, rate: float, share: Array) -> Timed:
@@ -143,6 +156,8 @@ def _timed(curve: JointCurve, here: Rows, planning: Planning, now: Phase, rate: 
     beta = controllable(here.s, here.A, here.B, share[1], ceiling)
     x, u, end = drive(here.s, here.A, here.B, share[1], beta, x0, reserve, False)
     phase = now.then(phase_from(now.end, here.s, x, u, end, planning.smoothing.total))
+    if x[ceiling == 0].max() > _AT_REST:
+        return Timed(phase, (np.inf, np.inf, np.inf), feasible=False)
     use = _use(curve, here, phase, planning, now.end)
     return Timed(phase, use, x0 <= (1 + 2 * reserve) * beta[0] + 1e-12)
 
@@ -166,17 +181,19 @@ def _ratios(curve: JointCurve, here: Rows, phase: Phase, planning: Planning, sta
     return t, out
 
 
-def _lower(share: Array, here: Rows, phase: Phase, planning: Planning, t: Array, ratios: Array) -> None:
-    """Lowers the shares wherever the filter saw what breaks a limit."""
+def _lower(
+    share: Array, here: Rows, phase: Phase, planning: Planning, t: Array, ratios: Array, everywhere: bool
+) -> None:
+    """Lowers the shares wherever the filter saw what breaks a limit, and as far again before and after."""
     factor = np.ones_like(share)
     for k in np.flatnonzero(ratios.max(axis=1) > 1 + planning.slack):
         low, high = phase.at(t[k] - planning.smoothing.total)[0], phase.at(t[k])[0]
-        first = max(int(np.searchsorted(here.s, low)) - 1, 0)
-        window = slice(first, int(np.searchsorted(here.s, high, side="right")) + 1)
+        first = max(int(np.searchsorted(here.s, 2 * low - high)) - 1, 0)
+        window = slice(first, int(np.searchsorted(here.s, 2 * high - low, side="right")) + 1)
         velocity, acceleration, jerk = np.maximum(ratios[k], 1.0)
         factor[0, window] = np.minimum(factor[0, window], 1 / max(velocity, acceleration**0.5, jerk ** (1 / 3)))
         factor[1, window] = np.minimum(factor[1, window], 1 / max(acceleration, jerk ** (2 / 3)))
-    share *= factor
+    share *= factor.min(axis=1, keepdims=True) if everywhere else factor
 
 
 def _grid(curve: JointCurve, planning: Planning) -> tuple[Array, Array]:

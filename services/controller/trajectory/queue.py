@@ -1,0 +1,286 @@
+"""What CRF's path commands mean (spec motion-controller §6.3, §6.6), as a value: every command makes a new queue.
+
+A command that is refused raises ``PathRefused`` and changes nothing. Way-points of the kind that is being driven are
+appended without a stop; another kind stops softly, drops what was queued, and is driven from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+
+import numpy as np
+
+from services.controller.trajectory.continuation import Continuation, pose_error
+from services.controller.trajectory.geometry import JointPath, TaskPath, Tolerance, joint_path, pose_step, task_path
+from services.controller.trajectory.joint_stop import JointStop, stop_joints
+from services.controller.trajectory.model import Array, Kinematics, PathRefused, Placement, Pose
+from services.controller.trajectory.splice import extend_joints, extend_task
+from services.controller.trajectory.stream import Limits, Motion, Sample, start_joints, start_task
+from services.controller.trajectory.timing import Planning
+
+_DUPLICATE = 1e-7
+_REACHED = 1e-4
+
+
+class Method(IntEnum):
+    """How task way-points are driven: ``TrajectoryExecutionMethod`` of CRF."""
+
+    JOINT_SPACE = 1
+    TASK_SPACE = 2
+
+
+class Reference(IntEnum):
+    """What task way-points refer to: ``PointReferenceFrame`` of CRF. TCP means its pose when the command is given."""
+
+    BASE = 1
+    TCP = 2
+
+
+@dataclass(frozen=True)
+class Arm:
+    """What the queue knows of the arm. ``joints`` times joint-space motion, ``task`` what follows task paths; changes
+    hold for what is appended afterwards."""
+
+    kinematics: Kinematics
+    joints: Limits
+    task: Limits
+    planning: Planning = field(default_factory=Planning)
+    tolerance: Tolerance = field(default_factory=Tolerance)
+    options: Continuation = field(default_factory=Continuation)
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A motion in the queue, from ``begin`` on. ``kind`` is what CRF calls its type, "joints" or "task"."""
+
+    motion: Motion | JointStop
+    begin: float
+    kind: str
+    stopped: bool = False
+
+
+@dataclass(frozen=True)
+class MotionQueue:
+    """Motions one after the other, each planned to begin where and when the one before it ends.
+
+    ``rest`` (n,) is where the arm stands without any. While ``paused``, the first is held at rest and the others wait.
+    Times are seconds and only go forward from call to call.
+    """
+
+    arm: Arm
+    rest: Array
+    legs: tuple[Leg, ...] = ()
+    paused: bool = False
+
+    # -- what is driven ---------------------------------------------------------------------------------------------
+
+    def at(self, t: float) -> Sample:
+        """The reference at ``t``."""
+        for leg in reversed(self.legs[:1] if self.paused else self.legs):
+            if leg.begin <= t or leg is self.legs[0]:
+                return leg.motion.at(t)
+        still = np.zeros_like(self.rest)
+        return Sample(self.rest, still, still, None, 0.0, True)
+
+    def running(self, t: float) -> bool:
+        """Whether anything moves, or will without another command."""
+        return bool(self.legs) and t < self.legs[0 if self.paused else -1].motion.end
+
+    # -- commands ---------------------------------------------------------------------------------------------------
+
+    def append_joints(self, t: float, points: Sequence[Array]) -> MotionQueue:
+        """Joint way-points, (n,) each, rad. Points that repeat the one before them are left out."""
+        for i, point in enumerate(points):
+            self._check(i, np.asarray(point, float))
+        return self._for(t, "joints")._add_joints(t, "joints", [np.asarray(point, float) for point in points])
+
+    def append_task(
+        self,
+        t: float,
+        points: Sequence[Placement],
+        method: Method,
+        reference: Reference,
+        tcp: Placement | None = None,
+    ) -> MotionQueue:
+        """Task way-points. ``tcp`` is where the TCP is now, for ``Reference.TCP``; default: as it is commanded."""
+        if reference == Reference.TCP:
+            now = tcp or self.arm.kinematics.forward(self.at(t).q)
+            points = [Pose(now.translation, now.rotation) @ point for point in points]
+        for i, point in enumerate(points):
+            if not (np.isfinite(point.translation).all() and np.isfinite(point.rotation).all()):
+                raise PathRefused(i, "its pose is not finite")
+        queue = self._for(t, "task")
+        poses, kept = _distinct_poses(self.arm.kinematics.forward(queue._end()), points)
+        if not kept:
+            raise PathRefused(0, "every way-point is where the path before it ends: there is nothing to drive")
+        try:
+            if method == Method.JOINT_SPACE:
+                return queue._add_joints(t, "task", queue._solve(poses[1:]))
+            return queue._add_task(t, poses)
+        except PathRefused as refused:
+            raise PathRefused(kept[min(refused.point, len(kept) - 1)], refused.reason) from None
+
+    def soft_stop(self, t: float) -> MotionQueue:
+        """Stops along the path and drops the rest of it."""
+        legs = self._alive(t)
+        return self._only(t, replace(_braked(legs[0], t), stopped=True) if legs else None)
+
+    def hard_stop(self, t: float) -> MotionQueue:
+        """Stops every joint as fast as it can, off the path if need be, and drops the rest."""
+        legs = self._alive(t)
+        if not legs or isinstance(legs[0].motion, JointStop):
+            return self._only(t, legs[0] if legs else None)
+        stop = stop_joints(t, self.at(t), self.arm.joints.joints)
+        return self._only(t, Leg(stop, t, legs[0].kind, stopped=True))
+
+    def pause(self, t: float) -> MotionQueue:
+        """Stops along the path; ``resume`` goes on with it, and with all that is queued."""
+        legs = self._alive(t)
+        if not legs or self.paused:
+            return self
+        return replace(self, legs=(_braked(legs[0], t), *legs[1:]), paused=True)
+
+    def resume(self, t: float) -> MotionQueue:
+        if not self.paused:
+            return self
+        first = self.legs[0]
+        if isinstance(first.motion, Motion) and not first.stopped:
+            first = replace(first, motion=first.motion.resumed(t))
+        return _sequenced(replace(self, legs=(first, *self.legs[1:]), paused=False), t)
+
+    def override(self, t: float, rate: float) -> MotionQueue:
+        """Scales the velocities of all that is queued, ``rate`` in (0, 1]."""
+        if self.paused:
+            return self.resume(t).override(t, rate).pause(t)
+        legs = (
+            replace(leg, motion=leg.motion.scaled(max(t, leg.begin), rate))
+            if isinstance(leg.motion, Motion) and not leg.stopped
+            else leg
+            for leg in self._alive(t)
+        )
+        return _sequenced(replace(self, legs=tuple(legs)), t)
+
+    # -- how --------------------------------------------------------------------------------------------------------
+
+    def _for(self, t: float, kind: str) -> MotionQueue:
+        """This queue, stopped if it drives another kind."""
+        if not self._alive(t):
+            return self._only(t, None)
+        return self if self.legs[-1].kind == kind else self.soft_stop(t)
+
+    def _add_joints(self, t: float, kind: str, points: Sequence[Array]) -> MotionQueue:
+        distinct = [self._end()]
+        for point in points:
+            if np.abs(point - distinct[-1]).max() > _DUPLICATE:
+                distinct.append(point)
+        if len(distinct) == 1:
+            return self
+        arm, last = self.arm, self._open(kind, JointPath)
+        path = joint_path(np.array(distinct), arm.tolerance, last.curve.end if last else 0.0)
+        if last:
+            when = self._from(t)
+            return self._with_last(t, extend_joints(last, when, path, arm.tolerance, arm.joints, arm.kinematics))
+        begin = self._next(t)
+        return self._added(t, start_joints(begin, path, arm.joints, arm.planning, arm.kinematics), begin, kind)
+
+    def _add_task(self, t: float, poses: Sequence[Pose]) -> MotionQueue:
+        arm, last = self.arm, self._open("task", TaskPath)
+        path = task_path(poses, arm.tolerance, last.curve.end if last else 0.0)
+        if last:
+            when = self._from(t)
+            longer = extend_task(last, when, path, arm.tolerance, arm.task, arm.kinematics, arm.options)
+            return self._with_last(t, longer)
+        begin = self._next(t)
+        motion = start_task(begin, path, self._end(), arm.task, arm.planning, arm.kinematics, arm.options)
+        return self._added(t, motion, begin, "task")
+
+    def _solve(self, poses: Sequence[Placement]) -> list[Array]:
+        """Joint positions for poses, each near the one before."""
+        solved: list[Array] = []
+        near = self._end()
+        for i, pose in enumerate(poses):
+            q = self.arm.kinematics.solve(pose, near)
+            if q is None:
+                raise PathRefused(i, "no joint positions within the limits reach it")
+            self._check(i, q)
+            missed = float(np.abs(pose_error(self.arm.kinematics.forward(q), pose)).max())
+            if missed > _REACHED:
+                raise PathRefused(i, f"the nearest the arm gets to it is {missed:.2g} m or rad away")
+            solved.append(q)
+            near = q
+        return solved
+
+    def _check(self, i: int, q: Array) -> None:
+        if q.shape != self.rest.shape:
+            raise PathRefused(i, f"it has {q.size} numbers, the arm {self.rest.size} joints")
+        if not np.isfinite(q).all():
+            raise PathRefused(i, "it is not finite")
+        outside = self.arm.joints.joints.outside(q)
+        if outside is not None:
+            raise PathRefused(i, outside)
+
+    def _alive(self, t: float) -> tuple[Leg, ...]:
+        """The legs that have not ended; the first of them is under way."""
+        return self.legs if self.paused else tuple(leg for leg in self.legs if t < leg.motion.end)
+
+    def _open(self, kind: str, path: type) -> Motion | None:
+        """The last motion, if way-points of that sort can be appended to it."""
+        if not self.legs or self.legs[-1].stopped or self.legs[-1].kind != kind:
+            return None
+        motion = self.legs[-1].motion
+        return motion if isinstance(motion, Motion) and isinstance(motion.path, path) else None
+
+    def _end(self) -> Array:
+        """Where all that is queued ends."""
+        if not self.legs:
+            return self.rest
+        last = self.legs[-1]
+        return last.motion.curve.q[-1] if isinstance(last.motion, Motion) and not last.stopped else last.motion.rest
+
+    def _next(self, t: float) -> float:
+        return max(t, self.legs[-1].motion.end) if self.legs else t
+
+    def _from(self, t: float) -> float:
+        """From when on the last motion can still be changed. One that waits behind a pause is at its beginning."""
+        waits = self.paused and len(self.legs) > 1
+        return self.legs[-1].begin if waits else max(t, self.legs[-1].begin)
+
+    def _only(self, t: float, leg: Leg | None) -> MotionQueue:
+        rest = self.at(t).q if leg is None else leg.motion.rest
+        return replace(self, legs=() if leg is None else (leg,), rest=rest, paused=False)
+
+    def _added(self, t: float, motion: Motion, begin: float, kind: str) -> MotionQueue:
+        return replace(self, legs=(*self._alive(t), Leg(motion, begin, kind)))
+
+    def _with_last(self, t: float, motion: Motion) -> MotionQueue:
+        last = replace(self.legs[-1], motion=motion)
+        if self.paused and len(self.legs) == 1:
+            last = _braked(last, t)
+        return replace(self, legs=(*self._alive(t)[:-1], last))
+
+
+def _braked(leg: Leg, t: float) -> Leg:
+    """The leg, stopping along its path unless it is stopping already."""
+    return replace(leg, motion=leg.motion.braked(t)) if isinstance(leg.motion, Motion) and not leg.stopped else leg
+
+
+def _sequenced(queue: MotionQueue, t: float) -> MotionQueue:
+    """Every leg after the first begins when the one before it ends, and not before ``t``."""
+    legs = list(queue.legs[:1])
+    for leg in queue.legs[1:]:
+        begin = max(t, legs[-1].motion.end)
+        motion = leg.motion.shifted(begin - leg.begin) if isinstance(leg.motion, Motion) else leg.motion
+        legs.append(replace(leg, motion=motion, begin=begin))
+    return replace(queue, legs=tuple(legs))
+
+
+def _distinct_poses(start: Placement, points: Sequence[Placement]) -> tuple[list[Pose], list[int]]:
+    """``start`` and the poses that are not where the one before them is; and which of the points these were."""
+    poses, kept = [Pose(start.translation, start.rotation)], []
+    for i, point in enumerate(points):
+        if np.abs(pose_step(poses[-1], point)).max() > _DUPLICATE:
+            poses.append(Pose(np.asarray(point.translation, float), np.asarray(point.rotation, float)))
+            kept.append(i)
+    return poses, kept
