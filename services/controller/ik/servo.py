@@ -1,0 +1,191 @@
+"""Differential inverse kinematics: one joint velocity a tick, by one QP, within every limit, whatever is asked.
+
+    minimise    ½ |J v - w|²_W + ½ μ |v - g|²          w: the task, g: what the objective functions ask for
+    subject to  braking bound, velocity and acceleration of each joint (one box, which never is empty),
+                no gap between spheres closing faster than it can be braked (rows)
+
+Solved by Cholesky while nothing binds, by projected Newton when joints are at limits, by OSQP when rows are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.crf import CrfCode
+
+from . import kernels as k
+from .arm import Arm
+from .collision import Zone, build_table, collision_rows
+from .objectives import Objectives
+from .rowqp import RowSolver
+
+Array = NDArray[np.float64]
+
+
+class Solver(IntEnum):
+    """What found the velocity of a tick."""
+
+    NONE = k.NONE  # input was not finite: braking
+    CHOLESKY = k.CHOLESKY
+    BOX = k.BOX
+    ROWS = k.ROWS
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Tuning of the tick. The defaults are measured; see `benchmarks/ik`."""
+
+    position_weight: float = 1.0  # of a metre of error, squared
+    rotation_weight: float = 1.0  # of a radian, squared
+    damping: float = 1e-6  # μ: how much the objective functions weigh against the task
+    far_damping: float = 1e-3  # Levenberg-Marquardt, times the squared error
+    singular_damping: float = 1e-4  # at manipulability 0; none from `low_manipulability` on
+    low_manipulability: float = 0.01  # √det(J Jᵀ) below which the tick reports 801
+    linear_tolerance: float = 1e-3  # [m] of error above which it reports 802
+    angular_tolerance: float = 0.01  # [rad]
+    collision_margin: float = 0.01  # [m] kept between spheres
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What one tick found.
+
+    `codes` are those of 800, 801, 802 and 804 that hold, the least severe first, none if all is well:
+    800 the QP ended without proof of its optimum, 801 near a singularity, 802 the tool is off its target by more than
+    the tolerance, 804 the input was not finite, or only braking remains before a gap closes.
+    """
+
+    velocity: Array  # (n,) [rad/s] for the coming period
+    codes: tuple[CrfCode, ...]
+    scale: float  # 0 … 1: how much of the motion asked for fits this tick; a path may slow its clock by it
+    manipulability: float
+    linear_error: float  # [m] between tool and target now
+    angular_error: float  # [rad]
+    solver: Solver
+
+
+class DifferentialIk:
+    """The servo of one arm's tool at a fixed period `dt` [s]. Positions and velocities are the *commanded* ones: feed
+    back what it returned, integrated by `q + v dt`; measurements belong to the joint servo below."""
+
+    def __init__(self, arm: Arm, dt: float, settings: Settings | None = None, blend_time: float = 1.0) -> None:
+        if not 0.0 < dt < 0.1:
+            raise ValueError(f"dt must be between 0 and 0.1 s, is {dt}")
+        self.arm, self.dt = arm, dt
+        self.objectives = Objectives(arm, blend_time)
+        self._limits = limit_table(arm)
+        self.settings = settings or Settings()
+        n = arm.n
+        self._frames, self._report = np.empty((n + 1, 3, 4)), np.empty(k.REPORT)
+        self._h, self._box, self._out = np.empty((n, n)), np.empty((3, n)), np.empty(n)
+        self._no_wish, self._no_twist = np.zeros(n), np.zeros(6)
+        self.set_zones(())
+
+    @property
+    def settings(self) -> Settings:
+        """May be replaced at any time."""
+        return self._settings
+
+    @settings.setter
+    def settings(self, new: Settings) -> None:
+        weights = [new.position_weight] * 3 + [new.rotation_weight] * 3
+        tail = [new.damping, new.far_damping, new.singular_damping, new.low_manipulability]
+        self._tuning = np.array([self.dt, *weights, *tail])
+        if not (np.all(np.isfinite(self._tuning)) and np.all(self._tuning >= 0.0) and new.damping > 0.0):
+            raise ValueError(f"weights and dampings must be finite and not negative, damping positive: {new}")
+        self._settings = new
+
+    def set_zones(self, zones: Sequence[Zone], self_collision: bool = False) -> None:
+        """Replace the workspace's spheres, and switch the arm's own against each other."""
+        table = build_table(self.arm, zones, self_collision, self.settings.collision_margin)
+        m = len(table)
+        self._table, self._rows, self._bounds = table, np.empty((m, self.arm.n)), np.empty(m)
+        self._row_solver = RowSolver(self.arm.limits.velocity, m) if m else None
+
+    def forward(self, q: Array) -> Array:
+        """Pose (3, 4) = [R | p] of the tool in the base frame."""
+        return forward(self.arm, q)
+
+    def step(self, q: Array, v: Array, target: Array | None = None, twist: Array | None = None) -> Step:
+        """One tick from commanded position `q` and velocity `v` (n,).
+
+        `target` (3, 4) is where the tool ought to be *now*, `twist` (6,) [m/s, rad/s] how the target moves during the
+        coming period, linear part first, axes of the base, point at the tool. No target: only the twist is followed,
+        from wherever the tool is.
+        """
+        if target is None:
+            target = forward(self.arm, q)
+        wish = self.objectives.velocity(q) if self.objectives.advance(self.dt) else self._no_wish
+        twist = self._no_twist if twist is None else twist
+        out, report = self._out, self._report
+        k.tick(
+            self.arm.placements, self._limits, self._tuning, wish, q, v, target, twist,
+            self._frames, self._h, self._box, out, report,
+        )  # fmt: skip
+        scale, measure, linear, angular, solver = report.tolist()
+        flags = 0
+        if solver == k.NONE:
+            flags = _HELD
+        elif self._row_solver is not None:
+            solver, flags = self._hold_rows(self._row_solver, solver)
+        settings = self.settings
+        if measure < settings.low_manipulability:
+            flags |= _SINGULAR
+        if linear > settings.linear_tolerance or angular > settings.angular_tolerance:
+            flags |= _OFF_TARGET
+        return Step(out.copy(), _CODES[flags], scale, measure, linear, angular, Solver(int(solver)))
+
+    def _hold_rows(self, row_solver: RowSolver, solver: float) -> tuple[float, int]:
+        """Replace the velocity in `_out` where it breaks a row; which solver it then is from, and the flags raised."""
+        rows, bounds, out = self._rows, self._bounds, self._out
+        collision_rows(self._table, self.arm.limits.acceleration, self.dt, self._frames, rows, bounds)
+        if np.all(rows @ out <= bounds):
+            return solver, 0
+        lower, upper, c = self._box
+        # Braking every joint as hard as it can is always possible: where a row asks for more than that, it asks for
+        # that.
+        braking = np.clip(0.0, lower, upper)
+        reach = rows @ braking
+        flags = _HELD if np.any(reach > bounds + 1e-9) else 0
+        out[:], proven = row_solver.solve(self._h, c, lower, upper, rows, np.maximum(bounds, reach), braking)
+        return k.ROWS, flags if proven else flags | _UNPROVEN
+
+
+# Codes in CRF's order of severity, and the tuple for every combination, so that a tick builds none.
+_SINGULAR, _OFF_TARGET, _UNPROVEN, _HELD = 1, 2, 4, 8
+_ORDER = (
+    (_SINGULAR, CrfCode.LowManipulability),
+    (_OFF_TARGET, CrfCode.EndEffectorToleranceViolation),
+    (_UNPROVEN, CrfCode.RealTimeViolation),
+    (_HELD, CrfCode.WorkspaceViolation),
+)
+_CODES = tuple(tuple(code for bit, code in _ORDER if flags & bit) for flags in range(16))
+
+
+def limit_table(arm: Arm) -> Array:
+    """Limits as the kernels read them, (4, n): lower, upper, velocity, acceleration."""
+    limits = arm.limits
+    return np.vstack([limits.lower, limits.upper, limits.velocity, limits.acceleration])
+
+
+def forward(arm: Arm, q: Array) -> Array:
+    """Pose (3, 4) = [R | p] of the tool in the base frame."""
+    frames = np.empty((arm.n + 1, 3, 4))
+    k.forward(arm.placements, q, frames)
+    return np.ascontiguousarray(frames[-1])
+
+
+def velocity_box(arm: Arm, q: Array, v: Array, dt: float) -> tuple[Array, Array]:
+    """Joint velocities (lower, upper) allowed for the coming period from commanded position `q` and velocity `v`.
+
+    For commands that need no kinematics. The box is never empty; a command clipped into it every tick breaks no limit
+    of position, velocity or acceleration."""
+    table, lower, upper = limit_table(arm), np.empty(arm.n), np.empty(arm.n)
+    k.position_box(table, q, dt, lower, upper)
+    k.acceleration_box(table, v, dt, lower, upper)
+    return lower, upper
