@@ -1,0 +1,153 @@
+"""Time to plan on the warehouse map, beside what other libraries offer for grids, on the same queries of one run."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import random
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse.csgraph import dijkstra
+
+import worlds
+from benchmarks.report import Report, median, percentile
+from schemas.maps import MapData
+from services.planner.map_directory import read_map_directory
+from services.planner.navigation import NavigationSettings
+from services.planner.navigation.footprint import Footprint
+from services.planner.navigation.grid import StaticMap, load_map
+from services.planner.navigation.navigator import LONGEJACK_BODY
+from services.planner.navigation.plan import GlobalPlanner, NoWay, Target
+
+QUERIES, SEED = 60, 3
+Cell = tuple[int, int]
+# Path length in metres, or None for no way.
+Planner = Callable[[Cell, Cell], float | None]
+
+
+def run() -> Report:
+    static = warehouse()
+    free = ndimage.distance_transform_edt(~static.blocked) * static.geometry.resolution > 0.25
+    queries = random_queries(free)
+    planners = {"rackhand (field, footprint checked)": own(static)} | others(free, static.geometry.resolution)
+    times: dict[str, list[float]] = {name: [] for name in planners}
+    lengths: dict[str, list[float | None]] = {name: [] for name in planners}
+    for start, goal in [queries[0], *queries]:
+        for name, plan in planners.items():
+            begun = time.perf_counter()
+            length = plan(start, goal)
+            times[name].append(time.perf_counter() - begun)
+            lengths[name].append(length)
+    best = [
+        min(found, default=None) for found in ([x for x in row if x] for row in zip(*lengths.values(), strict=True))
+    ]
+    ours = median(times["rackhand (field, footprint checked)"][1:])
+    rows = []
+    for name in planners:
+        ratios = [x / b for x, b in zip(lengths[name][1:], best[1:], strict=True) if x and b]
+        took = times[name][1:]
+        rows.append(
+            (
+                name,
+                f"{median(took) * 1e3:.1f}",
+                f"{percentile(took, 0.95) * 1e3:.1f}",
+                f"{median(took) / ours:.2f}",
+                f"{len(ratios)}/{QUERIES}",
+                f"{sum(ratios) / len(ratios):.3f}",
+            )
+        )
+    missing = [module for module in ("pyastar2d", "skimage") if importlib.util.find_spec(module) is None]
+    return Report(
+        "Planning time on the warehouse map",
+        "python -m benchmarks planning",
+        ("planner", "median ms", "p95 ms", "ratio to ours", "found", "length / shortest"),
+        rows,
+        f"{QUERIES} random queries, {free.shape[1]}x{free.shape[0]} cells of 5 cm. Ours starts from the "
+        "map, weighs clearance and checks the real footprint along the way; the others plan for a circle on a ready mask."
+        + (f" Not installed in this run: {', '.join(missing)}." if missing else ""),
+    )
+
+
+def warehouse() -> StaticMap:
+    created = read_map_directory(Path(worlds.__file__).parent / "warehouse").map
+    row = {"id": 1, "uid": created.uid, "create_time": 0, "last_modified_time": 0}
+    data = MapData.model_validate({**created.model_dump(exclude={"op", "uid"}), **row})
+    return load_map(data, NavigationSettings().slow_zone_velocity)
+
+
+def random_queries(free: NDArray[np.bool_]) -> list[tuple[Cell, Cell]]:
+    labels, _ = ndimage.label(free)
+    largest = int(np.bincount(labels[labels > 0]).argmax())
+    cells = np.argwhere((labels == largest) & (ndimage.distance_transform_edt(free) > 6))
+    rng = random.Random(SEED)
+    return [(tuple(rng.choice(cells)), tuple(rng.choice(cells))) for _ in range(QUERIES)]
+
+
+def own(static: StaticMap) -> Planner:
+    planner = GlobalPlanner(static.geometry, Footprint.of(np.array(LONGEJACK_BODY)), NavigationSettings())
+
+    def plan(start: Cell, goal: Cell) -> float | None:
+        here = np.array([*static.geometry.centre(*start), 0.0])
+        try:
+            return planner.plan(here, Target(*static.geometry.centre(*goal), None), static.blocked).length
+        except NoWay:
+            return None
+
+    return plan
+
+
+def others(free: NDArray[np.bool_], resolution: float) -> dict[str, Planner]:
+    found: dict[str, Planner] = {"scipy csgraph Dijkstra": csgraph(free, resolution)}
+    if importlib.util.find_spec("skimage"):
+        from skimage.graph import MCP_Geometric
+
+        costs = np.where(free, 1.0, -1.0)
+
+        def mcp(start: Cell, goal: Cell) -> float | None:
+            search = MCP_Geometric(costs)
+            search.find_costs([start], [goal])
+            return chain_length(np.array(search.traceback(goal)), resolution)
+
+        found["scikit-image MCP_Geometric"] = mcp
+    if importlib.util.find_spec("pyastar2d"):
+        import pyastar2d
+
+        weights = np.where(free, 1.0, np.inf).astype(np.float32)
+
+        def astar(start: Cell, goal: Cell) -> float | None:
+            path = pyastar2d.astar_path(weights, start, goal, allow_diagonal=True)
+            return None if path is None else chain_length(path, resolution)
+
+        found["pyastar2d"] = astar
+    return found
+
+
+def csgraph(free: NDArray[np.bool_], resolution: float) -> Planner:
+    """Eight-connected graph of the free cells, made once; one Dijkstra a query."""
+    index = np.arange(free.size).reshape(free.shape)
+    rows, columns, costs = [], [], []
+    for di, dj in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        a = index[: free.shape[0] - di, max(0, -dj) : free.shape[1] - max(0, dj)]
+        b = index[di:, max(0, dj) : free.shape[1] + min(0, dj)]
+        both = (free.flat[a] & free.flat[b]).ravel()
+        rows.append(a.ravel()[both])
+        columns.append(b.ravel()[both])
+        costs.append(np.full(both.sum(), math.hypot(di, dj) * resolution))
+    graph = sparse.csr_array(
+        (np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns))), shape=(free.size, free.size)
+    )
+
+    def plan(start: Cell, goal: Cell) -> float | None:
+        distance = dijkstra(graph, directed=False, indices=index[start])[index[goal]]
+        return float(distance) if np.isfinite(distance) else None
+
+    return plan
+
+
+def chain_length(cells: NDArray[np.int64], resolution: float) -> float:
+    return float(np.hypot(*np.diff(cells, axis=0).T).sum() * resolution)
