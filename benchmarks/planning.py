@@ -67,8 +67,8 @@ def run() -> Report:
         "python -m benchmarks planning",
         ("planner", "median ms", "p95 ms", "ratio to ours", "found", "length / shortest"),
         rows,
-        f"{QUERIES} random queries, {free.shape[1]}x{free.shape[0]} cells of 5 cm. Ours starts from the "
-        "map, weighs clearance and checks the real footprint along the way; the others plan for a circle on a ready mask."
+        f"{QUERIES} random queries, {free.shape[1]}x{free.shape[0]} cells of 5 cm. Ours starts from the map, weighs "
+        "clearance and checks the real footprint along the way; the others plan for a circle on a ready mask."
         + (f" Not installed in this run: {', '.join(missing)}." if missing else ""),
     )
 
