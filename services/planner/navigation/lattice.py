@@ -25,19 +25,18 @@ STEP = 0.12  # m of one straight move or arc
 BACKWARD = 3.0  # times as dear as forward
 REVERSAL = 0.3  # cost of changing direction
 TURN_COST = 0.35  # per radian on the spot
-RELAXED_RADIUS = 0.6  # m around start and goal where the clearance found there is enough
+FIRST_STEPS = 6  # straight steps with the start's own heading, before turning to one of the lattice
+RELAXED_SLOPE = 0.15  # clearance asked for beyond that of start or goal, per metre from there
 
 FOUND, EXHAUSTED, CUT_SHORT = 0, 1, 2
 
 
 @compiled
 def needed(x: float, y: float, start: Array, goal: Array, margins: Array) -> float:
-    """The clearance asked for at a point: the margin, but near start and goal no more than they have themselves."""
-    if math.hypot(x - start[0], y - start[1]) < RELAXED_RADIUS:
-        return float(min(margins[0], margins[1]))
-    if math.hypot(x - goal[0], y - goal[1]) < RELAXED_RADIUS:
-        return float(min(margins[0], margins[2]))
-    return float(margins[0])
+    """The clearance asked for at a point: the margin, but near start and goal little more than they have themselves."""
+    at_start = margins[1] + RELAXED_SLOPE * math.hypot(x - start[0], y - start[1])
+    at_goal = margins[2] + RELAXED_SLOPE * math.hypot(x - goal[0], y - goal[1])
+    return float(min(margins[0], at_start, at_goal))
 
 
 @compiled
@@ -83,8 +82,9 @@ def search(
     circumscribed: float, start: Array, goal: Array, any_yaw: bool, margins: Array, comfort: float, weight: float,
     greed: float, max_expansions: int,
 ) -> tuple[int, Array, float, int]:  # fmt: skip
-    """Returns the outcome (FOUND, EXHAUSTED, CUT_SHORT), rows x, y, yaw, direction (1, -1, or 0 after a turn on the
-    spot) from the start to where the rest leads to the goal, the direction of that rest, and the states expanded.
+    """Returns the outcome (FOUND, EXHAUSTED, CUT_SHORT), rows x, y, yaw, direction of travel to there (1, -1, or 0 for a
+    turn on the spot), the direction of the rest that leads from the last row to the goal, and the states expanded.
+    The first row is where the way from the start, straight with the start's heading, ends.
 
     ``margins``: clearance asked for in general, at the start, at the goal. ``cost`` is the heuristic (cost to go of a
     circle); ``greed`` its weight.
@@ -101,11 +101,25 @@ def search(
     items = np.empty(keys.size, dtype=np.int64)
 
     heading = round(start[2] / TURN) % HEADINGS
-    first = _bin(start[0], start[1], x0, y0, columns) * HEADINGS + heading
-    spent[first] = 0.0
-    position[first, 0], position[first, 1] = start[0], start[1]
-    size = push(keys, items, 0, 0.0, first)
+    size = 0
     expanded = 0
+    for gear in (1.0, -1.0):
+        for n in range(FIRST_STEPS + 1):
+            x = start[0] + gear * n * STEP * math.cos(start[2])
+            y = start[1] + gear * n * STEP * math.sin(start[2])
+            need = needed(x, y, start, goal, margins)
+            if clearance(distance, x0, y0, resolution, samples, circumscribed, x, y, start[2], need) < need:
+                break
+            turn = _wrap(heading * TURN - start[2])
+            free = sweep_clearance(distance, x0, y0, resolution, samples, circumscribed, x, y, start[2], turn, need)
+            first = _bin(x, y, x0, y0, columns) * HEADINGS + heading
+            price = n * STEP * (1.0 if gear > 0 else BACKWARD)
+            if free < need or price >= spent[first]:
+                continue
+            spent[first] = price
+            position[first, 0], position[first, 1] = x, y
+            travel[first] = int(gear) if n > 0 else 0
+            size = push(keys, items, size, price, first)
     state = np.empty(3)
     while size > 0:
         if expanded >= max_expansions:
@@ -127,7 +141,7 @@ def search(
                     distance, x0, y0, resolution, samples, circumscribed, state, start, goal, any_yaw, margins,
                     direction,
                 ):  # fmt: skip
-                    return FOUND, _trace(parent, position, travel, index, start), direction, expanded
+                    return FOUND, _trace(parent, position, travel, index), direction, expanded
         for move in range(8):
             gear, turn = _MOVES[move, 0], _MOVES[move, 1]
             new_heading = (heading + int(turn)) % HEADINGS
@@ -190,7 +204,6 @@ def _trace(
     position: NDArray[np.float32],
     travel: NDArray[np.int8],
     last: int,
-    start: Array,
 ) -> Array:
     n = 1
     index = last
@@ -204,5 +217,4 @@ def _trace(
         path[k, 2] = _wrap((index % HEADINGS) * TURN)
         path[k, 3] = travel[index]
         index = parent[index]
-    path[0, 0], path[0, 1] = start[0], start[1]
     return path

@@ -31,7 +31,7 @@ TURN_GAIN = 2.5  # 1/s
 HIT = 400.0  # cost of a step in collision, less the later it is
 NEAR_STATIC, STATIC_SCALE = 2.0, 0.08  # cost of a step that touches, falling by e each so many metres
 NEAR_MOVER, MOVER_SCALE = 6.0, 0.35
-MOVER_GROWTH = 0.08  # m/s by which a prediction gets wider
+MOVER_GROWTH = 0.04  # m/s by which a prediction gets wider
 BACKWARD = 0.3  # cost of a metre driven backward
 EFFORT = 0.02
 OFF_FIELD = 60.0  # cost to go where there is no field, on top of the distance
@@ -149,8 +149,8 @@ def _rollouts(
 ) -> tuple[Array, Array]:
     """Cost of each sample, and the commands it really consists of after the limits, (k, t, 2).
 
-    Sample 0 is the last solution, 1 stops, the next turn to all bearings and go there, forward or backward (noise about
-    a standstill would not find these); the rest is the last solution with noise.
+    Sample 0 is the last solution, 1 stops, the next turn to all bearings and go there for 1.2 s, for 2.4 s, all the time,
+    and all the time backward (noise about a standstill would not find these); the rest is the last solution with noise.
     """
     samples, steps = noise.shape[0], noise.shape[1]
     costs = np.zeros(samples)
@@ -163,11 +163,13 @@ def _rollouts(
             wanted_v, wanted_w = plan[t, 0], plan[t, 1]
             if k == 1:
                 wanted_v, wanted_w = 0.0, 0.0
-            elif 2 <= k < 2 + 2 * BEARINGS:
-                forward = k < 2 + BEARINGS
+            elif 2 <= k < 2 + 4 * BEARINGS:
+                policy = (k - 2) // BEARINGS
                 away = (k * 2.0 * math.pi / BEARINGS - yaw + math.pi) % (2.0 * math.pi) - math.pi
                 wanted_w = TURN_GAIN * away
-                wanted_v = (limits[1] if forward else limits[0]) * max(math.cos(away), 0.0) ** 2
+                wanted_v = (limits[0] if policy == 3 else limits[1]) * max(math.cos(away), 0.0) ** 2
+                if (t + 1) * dt > (1.0 + policy) * 1.2 and policy < 2:
+                    wanted_v = 0.0
             elif k > 0:
                 wanted_v += noise[k, t, 0]
                 wanted_w += noise[k, t, 1]

@@ -103,7 +103,7 @@ class GlobalPlanner:
     def _margins(self, room: Room, start: Pose, target: Target) -> Array:
         """Clearance asked for in general, at the start, at the goal: less at the ends if they have less."""
         general = self._settings.plan_margin
-        at_start = room.clearance(self._footprint, start) - 0.01
+        at_start = room.clearance(self._footprint, start) - 0.005
         at_goal = 0.0
         if target.yaw is not None:
             at_goal = room.clearance(self._footprint, np.array([target.x, target.y, target.yaw])) - 0.005
@@ -204,6 +204,9 @@ class GlobalPlanner:
         if outcome == lattice.EXHAUSTED:
             raise NoWay("footprint", f"a circle of {f.inscribed:.2f} m radius has a way, the body has none")
         last = rows[-1]
+        reached = np.array([*rows[0, :2], start[2], rows[0, 3]])
+        rows[0, 3] = 0.0
+        rows = np.vstack([np.append(start, 0.0), reached, rows])
         rest = straight(last[0], last[1], target.x, target.y, last[2], direction < 0)
         return Plan((*_segments(rows), rest), cost, tight=True)
 

@@ -15,7 +15,9 @@ from services.planner.navigation.settings import NavigationSettings
 
 Array = NDArray[np.float64]
 STEP = 0.04  # s
-WORSE = 0.005  # m; a trajectory is to blame only if it comes this much nearer than standing still would
+WORSE = 1e-6  # m; a trajectory is to blame only if it comes nearer than standing still would
+# Where something comes at the chassis anyway, getting away must not be vetoed because a corner swings out first.
+WORSE_MOVING = 0.15
 LOOK_ON = 0.3  # s after standstill for things that move
 
 
@@ -80,7 +82,10 @@ def _braking_is_free(
             x = obstacles[k, 0] + obstacles[k, 2] * time
             y = obstacles[k, 1] + obstacles[k, 3] * time
             away = _distance(body_edges, pose, x, y)
-            if away < obstacles[k, 4] and away < _distance(body_edges, start, x, y) - WORSE:
+            if away >= obstacles[k, 4]:
+                continue
+            worse = WORSE if obstacles[k, 2] == 0.0 and obstacles[k, 3] == 0.0 else WORSE_MOVING
+            if away < _distance(body_edges, start, x, y) - worse:
                 return False
     return True
 

@@ -72,7 +72,7 @@ class NavigationSettings:
     forget_mover_after: float = 2.0
 
     # the global plan
-    plan_margin: float = 0.03  # clearance of the footprint along a plan
+    plan_margin: float = 0.035  # clearance of the footprint along a plan
     ground_margin: float = 0.0  # clearance of the footprint at start and goal
     comfort_clearance: float = 0.5  # beyond the inscribed circle; nearer costs more
     clearance_weight: float = 4.0
@@ -98,7 +98,8 @@ class NavigationSettings:
     equal_yaw: float = 0.035  # start = goal: 2 degrees
 
     # the last check
-    safety_margin: float = 0.015
+    cell_margin: float = 0.01  # clearance to the edge of a cell
+    hit_margin: float = 0.012  # clearance to a hit; noise of the nearest of many adds to it
     mover_margin: float = 0.1  # clearance to what moves
     safety_radius: float = 2.5
 

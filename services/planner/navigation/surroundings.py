@@ -74,8 +74,8 @@ class Surroundings:
     def obstacles(self, pose: Pose) -> Array:
         """Rows x, y, vx, vy, margin of everything within reach of a stop: cells by their edge, hits as they are."""
         s = self._settings
-        cells = as_obstacles(self._within(self._cells, pose), 0.5 * self.static.geometry.resolution + s.safety_margin)
-        hits = as_obstacles(self.observed.points, s.safety_margin)
+        cells = as_obstacles(self._within(self._cells, pose), 0.5 * self.static.geometry.resolution + s.cell_margin)
+        hits = as_obstacles(self.observed.points, s.hit_margin)
         hits[:, 2:4] = self._velocities
         hits[np.abs(self._velocities).any(axis=1), 4] = s.mover_margin
         return np.vstack([cells, self._within(hits, pose)])
