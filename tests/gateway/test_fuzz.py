@@ -19,7 +19,7 @@ from bus import CallTimeout, Refused, Unavailable
 from tests.gateway.harness import Gateway, Socket, map_body
 from tests.gateway.test_websocket import client_frame, raw_websocket
 
-# The server, in its own thread, draws random numbers while hypothesis draws examples; hypothesis takes them for its own.
+# The server, in its own thread, draws random numbers while hypothesis draws examples, which takes them for its own.
 pytestmark = pytest.mark.filterwarnings("ignore:Do not use the `random` module inside strategies")
 
 EXAMPLES = int(os.environ.get("RACKHAND_FUZZ_EXAMPLES", "2000"))
