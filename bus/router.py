@@ -33,7 +33,7 @@ def main() -> None:
         token = session.liveliness().declare_token(ServiceId("router", CELL).key)
         get_logger(__name__).info("the bus is open", listen=arguments.listen)
         signal.sigwait(signals)
-        token.undeclare()
+        token.undeclare()  # type: ignore[no-untyped-call]
 
 
 if __name__ == "__main__":

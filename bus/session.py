@@ -33,7 +33,7 @@ _PRIORITY = dict.fromkeys(Qos, zenoh.Priority.DATA) | {Qos.COMMAND: zenoh.Priori
 
 
 # Zenoh tells a late joiner's copy from the live one by sequence numbers, or else by timestamps, which are off here.
-_NUMBERED = {"sample_miss_detection": zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)}
+_NUMBERED = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)
 
 
 class Publisher(Generic[M]):
@@ -88,7 +88,12 @@ class Bus:
         key = topic.key_for(robot)
         if topic.qos is Qos.LATCHED:
             publisher: Any = zenoh.ext.declare_advanced_publisher(
-                self._session, key, cache=zenoh.ext.CacheConfig(1), publisher_detection=True, **_NUMBERED, **options
+                self._session,
+                key,
+                cache=zenoh.ext.CacheConfig(1),
+                publisher_detection=True,
+                sample_miss_detection=_NUMBERED,
+                **options,
             )
         else:
             publisher = self._session.declare_publisher(key, **options)
