@@ -1,8 +1,8 @@
 """A motion that is under way: sampled at any time, stopped along its path, slowed, resumed, extended.
 
-A ``Motion`` is a value. Every change makes a new one that takes over from the old at the time of the change: the planned
-phase is cut there and goes on differently, and as the filter runs over both parts alike, q, dq and ddq stay continuous.
-Times are seconds on the caller's axis and belong to the commanded motion.
+A ``Motion`` is a value. Every change makes a new one that takes over from the old at the time of the change: the
+planned phase is cut there and goes on differently, and as the filter runs over both parts alike, q, dq and ddq stay
+continuous. Times are seconds on the caller's axis and belong to the commanded motion.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from services.controller.trajectory.phase import Phase, Smoothing, at_rest, phas
 from services.controller.trajectory.topp import controllable, drive
 
 _AT_REST = 1e-9
+_SAME = 1e-12
 _BRAKING = (1.0, 0.95, 0.9, 0.8)
 """Shares of the planned acceleration that a stop tries until what leaves the filter keeps the limits."""
 
@@ -53,13 +54,15 @@ class Rows:
     joints: Array
 
     def between(self, first: float, last: float = np.inf) -> Rows:
-        """From ``first``, where a grid point is put, up to but without ``last``."""
-        first = min(max(first, float(self.s[0])), float(self.s[-1]))
-        k = min(int(np.searchsorted(self.s, first, side="right")), self.s.size - 1)
-        end = int(np.searchsorted(self.s, last))
-        h = self.s[k] - self.s[k - 1]
-        w = (first - self.s[k - 1]) / h if h > 0 else 1.0
+        """From ``first``, where a grid point is put, up to but without ``last``. A corner at ``first`` is kept whole."""
         parts = (self.s, self.rest, self.speed, self.A, self.B, self.joints)
+        end = int(np.searchsorted(self.s, last))
+        k = int(np.searchsorted(self.s, first - _SAME))
+        if k < self.s.size - 1 and self.s[k] <= first + _SAME:
+            return Rows(*(row[k:end] for row in parts))
+        k = min(max(k, 1), self.s.size - 1)
+        first = min(max(first, float(self.s[0])), float(self.s[-1]))
+        w = (first - self.s[k - 1]) / (self.s[k] - self.s[k - 1])
         return Rows(*(np.concatenate([[(1 - w) * row[k - 1] + w * row[k]], row[k:end]]) for row in parts))
 
     def joined(self, tail: Rows) -> Rows:

@@ -65,7 +65,7 @@ def test_a_joint_that_would_leave_its_limits_refuses_the_path() -> None:
 
 def test_an_arm_that_is_not_where_the_path_begins_is_refused_rather_than_moved_there() -> None:
     class Stuck(Chain):
-        def jacobian(self, q: Array) -> Array:
+        def jacobian(self, q: Array) -> Array:  # noqa: ARG002
             return np.zeros((6, 6))
 
     start = UR5E.forward(UR5E_HOME)
