@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, TypeVar
 
-from schemas import chassis, maps, moves, world
+from schemas import chassis, maps, motion, moves, world
 from schemas.base import Message
 from schemas.service import WORLD
 
@@ -95,6 +95,43 @@ MOVE_EVENT = Topic(
 )
 MAP = Topic("map", "rackhand/{robot}/map", maps.CurrentMap, "planner", 0, Qos.LATCHED, "map in use, with overlays")
 
+ARM_STATE = Topic(
+    "arm/state",
+    "rackhand/{robot}/arm/state",
+    motion.ArmState,
+    "driver",
+    500,
+    Qos.STREAM,
+    "joint positions, velocities, efforts, flange wrench",
+)
+ARM_COMMAND = Topic(
+    "arm/command",
+    "rackhand/{robot}/arm/command",
+    motion.ArmCommand,
+    "controller",
+    250,
+    Qos.COMMAND,
+    "joint positions, velocities or torques, with the fencing token",
+)
+MOTION_STATUS = Topic(
+    "motion/status",
+    "rackhand/{robot}/motion/status",
+    motion.MotionStatus,
+    "controller",
+    25,
+    Qos.STREAM,
+    "the arm's CRF status",
+)
+MOTION_EVENT = Topic(
+    "motion/event",
+    "rackhand/{robot}/motion/event",
+    motion.MotionEvent,
+    "controller",
+    0,
+    Qos.EVENT,
+    "control granted and lost, stops",
+)
+
 CLOCK = Topic("clock", "rackhand/world/clock", world.Clock, "sim", 50, Qos.STREAM, "simulation time, speed, paused")
 OBJECTS = Topic("objects", "rackhand/world/objects", world.Objects, "sim", 25, Qos.STREAM, "true poses, for judges")
 SCENE = Topic("scene", "rackhand/world/scene", world.Scene, "sim", 0, Qos.LATCHED, "geometry as data, for viewers")
@@ -126,6 +163,24 @@ MAPS = Query(
     "gateway, anyone allowed",
     "the robot's map store and the choice of the current map",
 )
+MOTION = Query(
+    "motion/command",
+    "rackhand/{robot}/motion/command",
+    motion.CrfCall,
+    motion.CrfAnswer,
+    "controller",
+    "anyone allowed",
+    "a CRF request in, its reply out",
+)
+MOTION_STOP = Query(
+    "motion/stop",
+    "rackhand/{robot}/motion/stop",
+    motion.CrfCall,
+    motion.CrfAnswer,
+    "controller",
+    "anyone allowed",
+    "softStop and hardStop, never behind a queue",
+)
 WORLD_CONTROL = Query(
     "world/control",
     "rackhand/world/control",
@@ -138,8 +193,8 @@ WORLD_CONTROL = Query(
 
 TOPICS: tuple[Topic[Any], ...] = (
     ODOMETRY, SCAN, IMU, JACK, BATTERY, CONTACTS, CHASSIS_MODEL, POSE, CHASSIS_STATUS, COMMAND,
-    PLANNING_STATE, PATH, MOVE_EVENT, MAP, CLOCK, OBJECTS, SCENE,
+    PLANNING_STATE, PATH, MOVE_EVENT, MAP, ARM_STATE, ARM_COMMAND, MOTION_STATUS, MOTION_EVENT, CLOCK, OBJECTS, SCENE,
 )  # fmt: skip
-QUERIES: tuple[Query[Any, Any], ...] = (MOVES, CHASSIS_REQUEST, MAPS, WORLD_CONTROL)
+QUERIES: tuple[Query[Any, Any], ...] = (MOVES, CHASSIS_REQUEST, MAPS, MOTION, MOTION_STOP, WORLD_CONTROL)
 
 __all__ = ["QUERIES", "TOPICS", "WORLD", "Qos", "Query", "Topic"]
