@@ -80,7 +80,9 @@ class Motion:
 
     def braked(self, t: float) -> Motion:
         """From ``t`` on to rest along the path, as fast as the limits allow. The rest of the path stays known."""
-        return self.driven(brake(self.curve, self.rows, self.planning, self.until(t)))
+        stopped = self.driven(brake(self.curve, self.rows, self.planning, self.until(t)))
+        # Near the end what is planned may already be the sooner stop.
+        return stopped if stopped.end < self.end else self
 
     def scaled(self, t: float, rate: float) -> Motion:
         """From ``t`` on with velocity limits times ``rate`` in (0, 1]; goes on after ``braked`` too."""

@@ -54,7 +54,7 @@ class Rows:
     joints: Array
 
     def between(self, first: float, last: float = np.inf) -> Rows:
-        """From ``first``, where a grid point is put, up to but without ``last``. A corner at ``first`` is kept whole."""
+        """From ``first``, where a grid point is put, up to but without ``last``. A corner there is kept whole."""
         parts = (self.s, self.rest, self.speed, self.A, self.B, self.joints)
         end = int(np.searchsorted(self.s, last))
         k = int(np.searchsorted(self.s, first - _SAME))

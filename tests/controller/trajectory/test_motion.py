@@ -92,7 +92,7 @@ def test_a_soft_stop_stays_on_the_path_within_the_limits(seed: int, part: float)
         assert np.abs(sample.q - on_path).max() < 1e-12
     assert np.abs(stopped.at(stopped.end).dq).max() < 1e-9
     assert np.abs(stopped.rest - stopped.at(stopped.end).q).max() < 1e-9
-    assert stopped.end <= motion.end + 1e-9
+    assert stopped.end <= motion.end
     assert stopped.end - t <= 1.2 * (FR3_LIMITS.velocity / FR3_LIMITS.acceleration).max() + PLANNING.smoothing.total
 
 
@@ -115,8 +115,9 @@ def test_an_override_scales_velocities_and_keeps_the_path(seed: int, part: float
     t = part * motion.end
     slower = motion.scaled(t, rate)
     changed(motion, slower, t, max(0.0, t - 0.05))
-    settled = min(slower.end - 0.01, t + 0.8)
-    assert record(slower.at, settled, slower.end).use(FR3_LIMITS)[0] <= rate * SPLICED
+    # Braking to the new rate takes the time of a stop at most; at low rates the path's grid costs some per cent.
+    settled = min(slower.end - 0.01, t + 1.0)
+    assert record(slower.at, settled, slower.end).use(FR3_LIMITS)[0] <= rate * 1.05
     assert np.abs(slower.at(slower.end).q - way_points(seed)[-1]).max() < 1e-9
 
 
