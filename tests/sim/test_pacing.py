@@ -40,8 +40,7 @@ def test_awaited_participants_hold_time_at_zero() -> None:
 
 def test_awaited_participants_matter_at_zero_only() -> None:
     pacer = Pacer(INSTANT, speed=None, awaited=(PLANNER,))
-    pacer.join(PLANNER, PERIOD, 0)
-    pacer.leave(PLANNER)
+    assert pacer.decide(0, 0.0).kind == "wait"
     assert pacer.decide(INSTANT, 0.0).kind == "step"
 
 

@@ -211,6 +211,24 @@ def test_touching_again_after_parting_is_another_contact() -> None:
     assert simulation.ledger.count == 2
 
 
+def test_the_force_of_a_contact_is_the_greatest_it_had() -> None:
+    simulation = make_simulation(make_world(statics={"wall": {"kind": "wall", "start": (1.1, -9), "end": (1.1, 9)}}))
+    while not simulation.ledger.count:
+        drive(simulation, 0.02, linear=0.1)
+    softly = simulation.ledger.rows[0].force
+    drive(simulation, 1.0, linear=1.2)
+    assert simulation.ledger.count == 1
+    assert simulation.ledger.rows[0].force > 1.5 * softly
+
+
+@pytest.mark.parametrize("size", [(0.2, 8.0, 0.5), (0.2, 8.0, 8.0)])
+def test_a_long_thing_is_solid_to_its_ends(size: tuple[float, ...]) -> None:
+    simulation = make_simulation()
+    simulation.place(place("beam", x=1.0, y=3.7, size=size))
+    drive(simulation, 1.5, linear=0.8)
+    assert [c.other for c in simulation.ledger.rows] == ["beam"]
+
+
 def test_a_person_who_is_run_into_counts() -> None:
     simulation = make_simulation()
     simulation.place(place("ben", x=1.0, kind="person"))
