@@ -35,6 +35,7 @@ def test_digest_grows_with_every_instant_and_asking_does_not_change_it() -> None
 def test_noise_streams_do_not_depend_on_each_other() -> None:
     one, two = generator(5, "amr1", "lidar"), generator(5, "amr1", "imu")
     first = two.standard_normal()
+    assert one.standard_normal() != first
     one.standard_normal(1000)
     assert generator(5, "amr1", "imu").standard_normal() == first
     assert generator(5, "amr2", "imu").standard_normal() != first
