@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
 
 import mujoco
 
+from benchmarks.bus import free_port
 from benchmarks.report import Report
+from schemas.base import NANOSECONDS
+from services.sim.profiles import load_profiles
+from services.sim.scene import build_model
+from services.sim.simulation import Simulation
+from services.sim.worldfile import World, load_world
 from tests.system.cell import Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard
@@ -18,35 +27,59 @@ GOALS = ((9.0, 7.3), (2.5, 7.3))
 
 
 def run() -> Report:
-    bare = bare_physics()
-    free = whole_cell("--speed", "max")
-    lockstep = whole_cell("--lockstep", "--speed", "max")
-    rows = [
-        ("bare `mj_step`, same world, one process", f"{bare:.1f}", "1.00"),
-        ("whole cell, running free", f"{free:.1f}", f"{free / bare:.2f}"),
-        ("whole cell, lockstep", f"{lockstep:.1f}", f"{lockstep / bare:.2f}"),
-    ]
+    world = load_world("warehouse")
+    bare = bare_physics(world)
+    speeds = {
+        "bare `mj_step`, same world, one process": bare,
+        "simulator's core with sensors, no bus": core(world),
+        "simulator on the bus, nobody commands": simulator_alone(),
+        "whole cell, running free": whole_cell("--speed", "max"),
+        "whole cell, lockstep": whole_cell("--lockstep", "--speed", "max"),
+    }
     return Report(
         "Speed of the whole cell",
         "python -m benchmarks cell",
         ("variant", "x real time", "ratio to bare physics"),
-        rows,
-        f"World `warehouse`, {SECONDS:.0f} s of simulation with moves running all the time: four processes, lidar, "
-        "odometry, localisation, planning, commands, HTTP. The bare physics stands still and senses nothing.",
+        [(name, f"{speed:.1f}", f"{speed / bare:.2f}") for name, speed in speeds.items()],
+        f"World `warehouse`, {SECONDS:.0f} s of simulation each. The whole cell is four processes driving moves all the "
+        "time: physics, lidar, odometry, localisation, planning, commands, HTTP. Bare physics stands still and senses "
+        "nothing.",
     )
 
 
-def bare_physics() -> float:
-    from services.sim.scene import build_scene
-    from services.sim.worldfile import load_world
-
-    model = build_scene(load_world("warehouse")).model
+def bare_physics(world: World) -> float:
+    model = build_model(world, load_profiles(world))
     data = mujoco.MjData(model)
     steps = round(SECONDS / model.opt.timestep)
     mujoco.mj_step(model, data, 500)
     begun = time.perf_counter()
     mujoco.mj_step(model, data, steps)
     return SECONDS / (time.perf_counter() - begun)
+
+
+def core(world: World) -> float:
+    simulation = Simulation(world, load_profiles(world), seed=0)
+    begun = time.perf_counter()
+    while simulation.stamp < SECONDS * NANOSECONDS:
+        simulation.step()
+    return SECONDS / (time.perf_counter() - begun)
+
+
+def simulator_alone() -> float:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    environment = {**os.environ, "RACKHAND_BUS_CONNECT": endpoint}
+    commands = (["bus.router", "--listen", endpoint], ["services.sim", "--world", "warehouse", "--speed", "max"])
+    processes = [subprocess.Popen([sys.executable, "-m", *command], env=environment) for command in commands]
+    try:
+        with Judge(endpoint) as judge:
+            begun, from_stamp = time.perf_counter(), judge.now()
+            while (passed := judge.now() - from_stamp) < SECONDS:
+                time.sleep(0.2)
+            return passed / (time.perf_counter() - begun)
+    finally:
+        for process in processes:
+            process.terminate()
+            process.wait(timeout=10)
 
 
 def whole_cell(*options: str) -> float:
