@@ -15,6 +15,7 @@ from services.controller.trajectory.topp import controllable, drive
 
 _AT_REST = 1e-9
 _SAME = 1e-12
+_MOST_CHECKS = 50_000
 _BRAKING = (1.0, 0.95, 0.9, 0.8)
 """Shares of the planned acceleration that a stop tries until what leaves the filter keeps the limits."""
 
@@ -172,7 +173,9 @@ def _use(curve: JointCurve, here: Rows, phase: Phase, planning: Planning, start:
 
 def _ratios(curve: JointCurve, here: Rows, phase: Phase, planning: Planning, start: float) -> tuple[Array, Array]:
     """Times (k,) from ``start`` on, and (k, 3) the largest use of velocity, acceleration and jerk limits at each."""
-    t = np.arange(start, phase.end + planning.smoothing.total, planning.check)
+    end = phase.end + planning.smoothing.total
+    # Very long motions are checked more coarsely rather than for minutes.
+    t = np.arange(start, end, max(planning.check, (end - start) / _MOST_CHECKS))
     filtered = phase.filtered(t, planning.smoothing)
     v, a, j = filtered[:, 1:, None].transpose(1, 0, 2)
     _, d1, d2, d3 = curve.derivatives(np.ascontiguousarray(filtered[:, 0]))
@@ -193,7 +196,8 @@ def _lower(
         low, high = phase.at(t[k] - planning.smoothing.total)[0], phase.at(t[k])[0]
         first = max(int(np.searchsorted(here.s, 2 * low - high)) - 1, 0)
         window = slice(first, int(np.searchsorted(here.s, 2 * high - low, side="right")) + 1)
-        velocity, acceleration, jerk = np.maximum(ratios[k], 1.0)
+        # What cannot be mended, since it has begun, must not bring the rest to a standstill.
+        velocity, acceleration, jerk = np.clip(ratios[k], 1.0, 1.5)
         factor[0, window] = np.minimum(factor[0, window], 1 / max(velocity, acceleration**0.5, jerk ** (1 / 3)))
         factor[1, window] = np.minimum(factor[1, window], 1 / max(acceleration, jerk ** (2 / 3)))
     share *= factor.min(axis=1, keepdims=True) if everywhere else factor
