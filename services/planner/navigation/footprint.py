@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from services.planner.navigation.compiled import compiled
 from services.planner.navigation.field import Field, sample
 
-SPACING = 0.05  # m between samples of the outline
+SPACING = 0.04  # m between the discs along the outline
+RIM = 0.025  # m; their radius
+LATTICE = 0.1  # m between the discs inside
 Array = NDArray[np.float64]
 
 
@@ -54,21 +56,29 @@ class Footprint:
 
 
 def _outline(points: Array, following: Array) -> Array:
-    rows = []
+    """Small discs inside along the sides, and the corners."""
+    rows = [(*corner, 0.0) for corner in points]
     for start, end in zip(points, following, strict=True):
-        n = max(1, math.ceil(np.hypot(*(end - start)) / SPACING))
-        rows += [(*(start + (end - start) * k / n), 0.0) for k in range(n)]
+        side = end - start
+        length = float(np.hypot(side[0], side[1]))
+        if length <= 2 * RIM:
+            continue
+        along, inward = side / length, np.array([-side[1], side[0]]) / length
+        n = math.ceil((length - 2 * RIM) / SPACING)
+        for k in range(n + 1):
+            centre = start + inward * RIM + along * (RIM + (length - 2 * RIM) * k / n)
+            rows.append((*centre, RIM))
     return np.array(rows)
 
 
 def _interior(edges: Array, points: Array) -> Array:
     """Discs of the largest radius that fits, on a lattice, the largest first so that collisions show early."""
     low, high = points.min(axis=0), points.max(axis=0)
-    xs = np.arange(low[0] + SPACING, high[0], 2 * SPACING)
-    ys = np.arange(low[1] + SPACING, high[1], 2 * SPACING)
+    xs = np.arange(low[0] + LATTICE / 2, high[0], LATTICE)
+    ys = np.arange(low[1] + LATTICE / 2, high[1], LATTICE)
     lattice = np.array([(0.0, 0.0)] + [(x, y) for x in xs for y in ys])
     radius = (edges[:, 2] - lattice @ edges[:, :2].T).min(axis=1)
-    rows: Array = np.column_stack([lattice, radius])[radius > SPACING / 2]
+    rows: Array = np.column_stack([lattice, radius])[radius > RIM]
     largest_first: Array = rows[np.argsort(-rows[:, 2], kind="stable")]
     return largest_first
 

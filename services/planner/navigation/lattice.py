@@ -82,7 +82,7 @@ def search(
     circumscribed: float, start: Array, goal: Array, any_yaw: bool, margins: Array, comfort: float, weight: float,
     greed: float, max_expansions: int,
 ) -> tuple[int, Array, float, int]:  # fmt: skip
-    """Returns the outcome (FOUND, EXHAUSTED, CUT_SHORT), rows x, y, yaw, direction of travel to there (1, -1, or 0 for a
+    """Returns the outcome (FOUND, EXHAUSTED, CUT_SHORT), rows x, y, yaw, direction of travel to there (1, -1, 0 for a
     turn on the spot), the direction of the rest that leads from the last row to the goal, and the states expanded.
     The first row is where the way from the start, straight with the start's heading, ends.
 

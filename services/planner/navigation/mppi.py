@@ -149,8 +149,9 @@ def _rollouts(
 ) -> tuple[Array, Array]:
     """Cost of each sample, and the commands it really consists of after the limits, (k, t, 2).
 
-    Sample 0 is the last solution, 1 stops, the next turn to all bearings and go there for 1.2 s, for 2.4 s, all the time,
-    and all the time backward (noise about a standstill would not find these); the rest is the last solution with noise.
+    Sample 0 is the last solution, 1 stops, the next turn to all bearings and go there for 1.2 s, for 2.4 s, all the
+    time, and all the time backward (noise about a standstill would not find these); the rest is the last solution with
+    noise.
     """
     samples, steps = noise.shape[0], noise.shape[1]
     costs = np.zeros(samples)

@@ -57,6 +57,7 @@ from services.planner.navigation.yielding import least_gap
 
 PERIOD = 0.04  # s; the nominal tick
 YIELD_HOLD = 0.4  # s that making way goes on after the last reason for it
+STEPS_ASIDE = 0.5  # m from what blocks the way to what moved lately, to take them for the same
 ASIDE = 0.05  # m beyond the goal's accuracy: pushed aside while turning
 NO_FIELD = np.empty((0, 0), dtype=np.float32)
 LONGEJACK_BODY = ((0.379, 0.23), (-0.369, 0.23), (-0.369, -0.23), (0.379, -0.23))
@@ -255,16 +256,22 @@ class ChassisNavigator:
             return
         route = run.route
         route.current.update(pose)
-        run.free, _ = route.free_distance(self._surroundings(), self._footprint, s.path_check_distance)
+        around = self._surroundings()
+        run.free, where = route.free_distance(around, self._footprint, s.path_check_distance)
         if math.isinf(run.free):
             run.blocked_since = run.no_way_since = None
         elif run.blocked_since is None:
             run.blocked_since = stamp
         blocked = run.blocked_since is not None
+        if run.blocked_since is not None and around.movers.moved_near(where, STEPS_ASIDE, stamp):
+            # It walked there, so it may walk on: planning round it waits a little.
+            blocked = (stamp - run.blocked_since) / NANOSECONDS >= s.blocked_patience
         lost = route.current.deviation > s.off_path_distance
-        stuck = run.watch.standing(stamp) > s.stuck_after
-        if (blocked or lost or stuck) and since >= s.replan_period:
-            self._replan(run, pose, stamp, tight=stuck and not blocked)
+        stuck = run.watch.standing(stamp) > s.stuck_after and not blocked
+        if (blocked or lost) and since >= s.replan_period:
+            self._replan(run, pose, stamp)
+        elif stuck and since >= s.improve_period:
+            self._replan(run, pose, stamp, tight=True)
         elif since >= s.improve_period and route.left(pose) > 1.5:
             self._replan(run, pose, stamp, better_than=s.improve_ratio * route.left(pose))
         self._check_patience(run, stamp)

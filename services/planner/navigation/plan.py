@@ -19,6 +19,7 @@ from services.planner.navigation.settings import NavigationSettings
 
 Array = NDArray[np.float64]
 SPACING = 0.05
+HARDLY_A_TURN = 0.1  # rad that a body on the way need not stop for
 DIRECT = 0.6  # m; nearer goals are reached by a turn and a straight line if those are free
 SMOOTHING_ROUNDS = 60
 NEAREST_START = 0.3  # m from the start to look for a cell that has a way
@@ -142,8 +143,8 @@ class GlobalPlanner:
         goal = np.array([target.x, target.y, target.yaw or 0.0])
         return bool(
             lattice.rest_is_free(
-                room.distance, g.x, g.y, g.resolution, f.samples, f.circumscribed, state, start, goal, target.yaw is None,
-                margins, -1.0 if backward else 1.0,
+                room.distance, g.x, g.y, g.resolution, f.samples, f.circumscribed, state, start, goal,
+                target.yaw is None, margins, -1.0 if backward else 1.0,
             )
         )  # fmt: skip
 
@@ -204,19 +205,43 @@ class GlobalPlanner:
         if outcome == lattice.EXHAUSTED:
             raise NoWay("footprint", f"a circle of {f.inscribed:.2f} m radius has a way, the body has none")
         last = rows[-1]
-        reached = np.array([*rows[0, :2], start[2], rows[0, 3]])
-        rows[0, 3] = 0.0
-        rows = np.vstack([np.append(start, 0.0), reached, rows])
+        first = Segment(_line(start[:2], rows[0, :2], start[2]), bool(rows[0, 3] < 0))
         rest = straight(last[0], last[1], target.x, target.y, last[2], direction < 0)
-        return Plan((*_segments(rows), rest), cost, tight=True)
+        return Plan(_joined([first, *_segments(rows), rest]), cost, tight=True)
 
 
 def straight(x0: float, y0: float, x1: float, y1: float, yaw: float, backward: bool) -> Segment:
     """A straight stretch; ``yaw`` is kept if it has no length."""
-    points = shaping.resample(np.array([(x0, y0), (x1, y1)]), SPACING)
     if math.hypot(x1 - x0, y1 - y0) > 1e-3:
         yaw = math.atan2(y1 - y0, x1 - x0) + (math.pi if backward else 0.0)
-    return Segment(np.column_stack([points, np.full(len(points), wrap(yaw))]), backward)
+    return Segment(_line(np.array([x0, y0]), np.array([x1, y1]), wrap(yaw)), backward)
+
+
+def _line(start: Array, end: Array, yaw: float) -> Array:
+    points = shaping.resample(np.vstack([start, end]), SPACING)
+    return np.column_stack([points, np.full(len(points), yaw)])
+
+
+def _joined(segments: list[Segment]) -> tuple[Segment, ...]:
+    """Without those that have no length, and with those in one that go on in the same direction with hardly a turn."""
+    joined: list[Segment] = []
+    for segment in segments[:-1]:
+        if segment.length > 0.0:
+            _join(joined, segment)
+    _join(joined, segments[-1])
+    return tuple(joined)
+
+
+def _join(joined: list[Segment], segment: Segment) -> None:
+    last = joined[-1] if joined else None
+    if last is not None and last.backward == segment.backward and _hardly_turns(last, segment):
+        joined[-1] = Segment(np.vstack([last.points, segment.points[1:]]), segment.backward)
+    else:
+        joined.append(segment)
+
+
+def _hardly_turns(last: Segment, following: Segment) -> bool:
+    return abs(wrap(following.points[0, 2] - last.points[-1, 2])) <= HARDLY_A_TURN
 
 
 def _segments(rows: Array) -> list[Segment]:
@@ -229,6 +254,6 @@ def _segments(rows: Array) -> list[Segment]:
         while end + 1 < len(rows) and rows[end + 1, 3] == direction:
             end += 1
         if direction != 0.0:
-            found.append(Segment(rows[k - 1 : end + 1, :3].copy(), direction < 0))
+            found.append(Segment(rows[k - 1 : end + 1, :3].copy(), bool(direction < 0)))
         k = end + 1
     return found
