@@ -1,6 +1,6 @@
 """Spheres on the links against each other and against spheres of the workspace, as rows of the QP.
 
-Each row bounds how fast one gap closes: rows·v ≤ bounds. The kernels are in one file for the reason given in `kernels`.
+Each row bounds how fast one gap closes: rows·v ≤ bounds. Rows are linear, gaps are not: `stop_is_clear` is the guard.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .arm import Arm, ArmError
+from .kernels import forward  # compiled into this file's cache: save this file too when `forward` changes
 
 Array = NDArray[np.float64]
 
 # Columns of the table of rows: joint and centre of one sphere, of the other, the distance at contact, keep out or in
 # (±1).
 JOINT_A, CENTER_A, JOINT_B, CENTER_B, CONTACT, SENSE, COLUMNS = 0, 1, 4, 5, 8, 9, 10
+RESERVE = 2e-3  # [m] short of contact at which rows stop a closing gap, so that at rest the guard has nothing to do
 
 
 @dataclass(frozen=True)
@@ -99,18 +101,41 @@ def gap(pair, frames, row):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def collision_rows(table, acceleration, dt, frames, rows, bounds):  # type: ignore[no-untyped-def]
-    """Fill `rows` (m, n) and `bounds` (m,) of rows·v ≤ bounds: no gap closes faster than can be braked.
+def collision_rows(table, acceleration, dt, frames, rows, bounds, gaps):  # type: ignore[no-untyped-def]
+    """Fill `rows` (m, n) and `bounds` (m,) of rows·v ≤ bounds: no gap closes faster than can be braked; and `gaps`.
 
-    The bound is the joints' own (`kernels.position_box`), with half the deceleration that all joints together have
-    along the row. Returns the smallest gap [m]."""
-    least = np.inf
+    The bound is the joints' own (`kernels.position_box`), with a quarter of the deceleration that all joints together
+    have along the row: the rest is for rows that bind together and for the curvature of the gap."""
     for r in range(table.shape[0]):
-        distance = gap(table[r], frames, rows[r])
-        least = min(least, distance)
+        gaps[r] = gap(table[r], frames, rows[r])
         brake = 0.0
         for i in range(rows.shape[1]):
             rows[r, i] = -rows[r, i]
-            brake += 0.5 * abs(rows[r, i]) * acceleration[i]
-        bounds[r] = max(0.0, math.sqrt(2.0 * brake * max(0.0, distance)) - 0.5 * brake * dt)
-    return least
+            brake += 0.25 * abs(rows[r, i]) * acceleration[i]
+        bounds[r] = max(0.0, math.sqrt(2.0 * brake * max(0.0, gaps[r] - RESERVE)) - 0.5 * brake * dt)
+
+
+@njit(cache=True)
+def stop_is_clear(table, gaps, placements, acceleration, dt, q, v):  # type: ignore[no-untyped-def]
+    """Whether the arm, moving with v for one tick and then braking all it can, keeps every gap open.
+
+    A gap that is closed already, in `gaps` (m,), may not get smaller. Looks every third tick of the braking and at its
+    end. What braking next tick would do is the rest of the same way: so there always is a clear way to stop."""
+    n = q.shape[0]
+    here, speed = q + v * dt, v.copy()
+    frames, row = np.empty((n + 1, 3, 4)), np.empty(n)
+    tick, moving = 0, True
+    while moving:
+        moving = False
+        for i in range(n):
+            slower = max(0.0, abs(speed[i]) - acceleration[i] * dt)
+            speed[i] = math.copysign(slower, speed[i])
+            here[i] += speed[i] * dt
+            moving = moving or slower > 0.0
+        if tick % 3 == 0 or not moving:
+            forward(placements, here, frames)
+            for r in range(table.shape[0]):
+                if gap(table[r], frames, row) < min(0.0, gaps[r]) - 1e-6:
+                    return False
+        tick += 1
+    return True

@@ -62,11 +62,9 @@ def jacobian(frames, jac):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def pose_error(pose, target, error):  # type: ignore[no-untyped-def]
-    """Fill `error` (6,) with log6(pose⁻¹ target), the body twist that leads from pose to target in unit time; its
-    square.
-
-    Rotation by way of the quaternion, which keeps its digits at half a turn (Shepperd's method)."""
+def pose_error(pose, target, weights, error):  # type: ignore[no-untyped-def]
+    """Fill `error` (6,) with log6(pose⁻¹ target), the body twist that leads from pose to target in unit time.
+    Returns errorᵀ W error. By way of the quaternion (Shepperd's method), which keeps its digits at half a turn."""
     r = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -101,7 +99,16 @@ def pose_error(pose, target, error):  # type: ignore[no-untyped-def]
     error[1] = y - 0.5 * cy + b * (wz * cx - wx * cz)
     error[2] = z - 0.5 * cz + b * (wx * cy - wy * cx)
     error[3], error[4], error[5] = wx, wy, wz
-    return error[0] ** 2 + error[1] ** 2 + error[2] ** 2 + wx * wx + wy * wy + wz * wz
+    total = 0.0
+    for i in range(6):
+        total += weights[i] * error[i] * error[i]
+    return total
+
+
+@njit(cache=True)
+def lengths(twist):  # type: ignore[no-untyped-def]
+    """Of the linear and the angular part."""
+    return math.sqrt(np.sum(twist[:3] ** 2)), math.sqrt(np.sum(twist[3:] ** 2))
 
 
 @njit(cache=True)
@@ -258,15 +265,6 @@ def pull(jac, weights, twist, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def weighted_square(weights, error):  # type: ignore[no-untyped-def]
-    """errorᵀ W error."""
-    total = 0.0
-    for r in range(6):
-        total += weights[r] * error[r] * error[r]
-    return total
-
-
-@njit(cache=True)
 def look_ahead(placements, limits, tuning, q, target, step):  # type: ignore[no-untyped-def]
     """Refine `step` (n,) [rad], a first guess of the way from q to `target`, to where the joints will come to rest:
     at the target, or at the posture nearest to it when it is out of reach. Returns the error that remains there.
@@ -280,15 +278,12 @@ def look_ahead(placements, limits, tuning, q, target, step):  # type: ignore[no-
     frames, jac, error, h = np.empty((n + 1, 3, 4)), np.empty((6, n)), np.empty(6), np.empty((n, n))
     c, low, high, more, there = np.empty(n), np.empty(n), np.empty(n), np.zeros(n), q.copy()
     forward(placements, q, frames)
-    pose_error(frames[n], target, error)
-    damping, predicted = 0.0, 0.0
+    least, damping, predicted = pose_error(frames[n], target, weights, error), 0.0, 0.0
     for i in range(n):
         more[i] = min(max(q[i] + step[i], limits[0, i]), limits[1, i]) - q[i]
-    least = weighted_square(weights, error)
     for _ in range(LOOKS):
         forward(placements, there + more, frames)
-        pose_error(frames[n], target, error)
-        squared = weighted_square(weights, error)
+        squared = pose_error(frames[n], target, weights, error)
         gain = least - squared
         # Where curvature rules (out of reach), a gain of half of what was predicted is that of the exact step.
         if gain > 0.75 * predicted:
@@ -300,7 +295,7 @@ def look_ahead(placements, limits, tuning, q, target, step):  # type: ignore[no-
             there += more
         else:
             forward(placements, there, frames)
-            pose_error(frames[n], target, error)
+            pose_error(frames[n], target, weights, error)
         jacobian(frames, jac)
         normal_matrix(jac, weights, tuning[DAMPING] + damping, h)
         pull(jac, weights, error, c)
@@ -347,7 +342,7 @@ def tick(placements, limits, tuning, wish, q, v, target, twist, frames, h, box, 
     forward(placements, q, frames)
     jacobian(frames, jac)
     tool = frames[n]
-    squared = pose_error(tool, target, error)
+    squared = pose_error(tool, target, weights, error)
     measure = manipulability(jac)
     damping = tuning[DAMPING] + tuning[LM_DAMPING] * squared
     if measure < tuning[SINGULAR_AT]:
@@ -356,13 +351,8 @@ def tick(placements, limits, tuning, wish, q, v, target, twist, frames, h, box, 
     cholesky(h, n, factor)
     pull(jac, weights, error, step)
     cholesky_solve(factor, n, step, step)
-    scale, reach, missed = braked(step, limits[2], limits[3], dt), 1.0, 0.0
-    for r in range(6):
-        total = error[r]
-        for i in range(n):
-            total -= jac[r, i] * step[i]
-        missed = max(missed, abs(total))
-    if scale < 1.0 or missed > 0.1 * REACH:
+    scale, reach = braked(step, limits[2], limits[3], dt), 1.0
+    if scale < 1.0 or np.max(np.abs(error - jac @ step)) > 0.1 * REACH:
         remains = look_ahead(placements, limits, tuning, q, target, step)
         reach = max(0.0, 1.0 - remains / REACH)
         scale = min(braked(step, limits[2], limits[3], dt), reach + (1.0 - reach) * SETTLING * dt)
@@ -390,17 +380,13 @@ def tick(placements, limits, tuning, wish, q, v, target, twist, frames, h, box, 
         out[i] = v[i] + part * (flow[i] - v[i])
         if out[i] < lower[i] - 1e-12 or out[i] > upper[i] + 1e-12:
             solver = BOX
-    for i in range(n):
-        c[i] = 0.0
-        for j in range(n):
-            c[i] += h[i, j] * out[j]
+    c[:] = h @ out
     if solver == BOX:
         solve_box(h, c, lower, upper, out)
     for i in range(n):
         out[i] = min(max(out[i], lower[i]), upper[i])
     report[SCALE], report[MEASURE], report[SOLVER] = slow * scale * part, measure, solver
-    report[ERROR_LINEAR] = math.sqrt(error[0] ** 2 + error[1] ** 2 + error[2] ** 2)
-    report[ERROR_ANGULAR] = math.sqrt(error[3] ** 2 + error[4] ** 2 + error[5] ** 2)
+    report[ERROR_LINEAR], report[ERROR_ANGULAR] = lengths(error)
 
 
 @njit(cache=True)
@@ -417,13 +403,12 @@ def search(placements, limits, weights, q, target, tolerance, iterations):  # ty
     for iteration in range(iterations):
         forward(placements, q, frames)
         jacobian(frames, jac)
-        squared = pose_error(frames[n], target, error)
+        squared = pose_error(frames[n], target, weights, error)
         if squared < least:
             least = squared
             best[:] = q
-        linear = error[0] ** 2 + error[1] ** 2 + error[2] ** 2
-        if linear <= tolerance[0] ** 2 and squared - linear <= tolerance[1] ** 2:
-            q[:] = best
+        linear, angular = lengths(error)
+        if linear <= tolerance[0] and angular <= tolerance[1]:
             return True, iteration
         if iteration % 10 == 9:
             if least > 0.81 * mark:
@@ -447,14 +432,14 @@ def search(placements, limits, weights, q, target, tolerance, iterations):  # ty
 
 
 @njit(cache=True)
-def nearest(placements, seeds, target):  # type: ignore[no-untyped-def]
+def nearest(placements, weights, seeds, target):  # type: ignore[no-untyped-def]
     """Index of the row of `seeds` (m, n) that has the tool closest to `target`."""
     n = seeds.shape[1]
     frames, error = np.empty((n + 1, 3, 4)), np.empty(6)
     best, least = 0, np.inf
     for i in range(seeds.shape[0]):
         forward(placements, seeds[i], frames)
-        squared = pose_error(frames[n], target, error)
+        squared = pose_error(frames[n], target, weights, error)
         if squared < least:
             best, least = i, squared
     return best

@@ -56,14 +56,14 @@ def solve_pose(
     for tried in range(restarts + 1):
         if tried:
             postures = random.uniform(arm.limits.lower, arm.limits.upper, (64 << min(tried, 5), arm.n))
-            start = postures[k.nearest(arm.placements, postures, target)].copy()
+            start = postures[k.nearest(arm.placements, weights, postures, target)].copy()
         reached, steps = k.search(arm.placements, table, weights, start, target, tolerance, iterations)
         total += steps
-        squared = k.pose_error(forward(arm, start), target, error)
+        squared = k.pose_error(forward(arm, start), target, weights, error)
         if reached or squared < least:
             best, least = start, squared
         if reached:
             break
-    k.pose_error(forward(arm, best), target, error)
-    linear, angular = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
-    return PoseSolution(best, bool(reached), linear, angular, tried, total)
+    k.pose_error(forward(arm, best), target, weights, error)
+    linear, angular = k.lengths(error)
+    return PoseSolution(best, bool(reached), float(linear), float(angular), tried, total)

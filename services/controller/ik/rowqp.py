@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 # when the unknown is normalised, polishing prints to standard output even when told to be silent.
 _SETTINGS = {
     "rho": 0.1, "adaptive_rho": 1, "adaptive_rho_interval": 10, "check_termination": 5, "eps_abs": 1e-5,
-    "eps_rel": 1e-5, "max_iter": 400, "scaling": 0, "check_dualgap": False, "polishing": False, "warm_starting": True, "alpha": 1.6,
-    "verbose": False,
+    "eps_rel": 1e-5, "max_iter": 400, "scaling": 0, "check_dualgap": False, "polishing": False,
+    "warm_starting": True, "alpha": 1.6, "verbose": False,
 }  # fmt: skip
 _EXACT = 1e-9
 

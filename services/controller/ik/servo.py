@@ -20,7 +20,7 @@ from schemas.crf import CrfCode
 
 from . import kernels as k
 from .arm import Arm
-from .collision import Zone, build_table, collision_rows
+from .collision import Zone, build_table, collision_rows, stop_is_clear
 from .objectives import Objectives
 from .rowqp import RowSolver
 
@@ -57,7 +57,7 @@ class Step:
 
     `codes` are those of 800, 801, 802 and 804 that hold, the least severe first, none if all is well:
     800 the QP ended without proof of its optimum, 801 near a singularity, 802 the tool is off its target by more than
-    the tolerance, 804 the input was not finite, or only braking remains before a gap closes.
+    the tolerance, 804 the input was not finite, or the motion was cut to keep a gap between spheres open.
     """
 
     velocity: Array  # (n,) [rad/s] for the coming period
@@ -104,7 +104,8 @@ class DifferentialIk:
         """Replace the workspace's spheres, and switch the arm's own against each other."""
         table = build_table(self.arm, zones, self_collision, self.settings.collision_margin)
         m = len(table)
-        self._table, self._rows, self._bounds = table, np.empty((m, self.arm.n)), np.empty(m)
+        self._table, self._rows = table, np.empty((m, self.arm.n))
+        self._bounds, self._gaps = np.empty(m), np.empty(m)
         self._row_solver = RowSolver(self.arm.limits.velocity, m) if m else None
 
     def forward(self, q: Array) -> Array:
@@ -132,7 +133,7 @@ class DifferentialIk:
         if solver == k.NONE:
             flags = _HELD
         elif self._row_solver is not None:
-            solver, flags = self._hold_rows(self._row_solver, solver)
+            solver, flags = self._hold_rows(self._row_solver, q, solver)
         settings = self.settings
         if measure < settings.low_manipulability:
             flags |= _SINGULAR
@@ -140,20 +141,26 @@ class DifferentialIk:
             flags |= _OFF_TARGET
         return Step(out.copy(), _CODES[flags], scale, measure, linear, angular, Solver(int(solver)))
 
-    def _hold_rows(self, row_solver: RowSolver, solver: float) -> tuple[float, int]:
+    def _hold_rows(self, row_solver: RowSolver, q: Array, solver: float) -> tuple[float, int]:
         """Replace the velocity in `_out` where it breaks a row; which solver it then is from, and the flags raised."""
-        rows, bounds, out = self._rows, self._bounds, self._out
-        collision_rows(self._table, self.arm.limits.acceleration, self.dt, self._frames, rows, bounds)
-        if np.all(rows @ out <= bounds):
-            return solver, 0
+        rows, bounds, out, flags = self._rows, self._bounds, self._out, 0
+        acceleration = self.arm.limits.acceleration
+        collision_rows(self._table, acceleration, self.dt, self._frames, rows, bounds, self._gaps)
         lower, upper, c = self._box
-        # Braking every joint as hard as it can is always possible: where a row asks for more than that, it asks for
-        # that.
+        # Braking every joint as hard as it can is always possible: a row that asks for more than that, asks for that.
         braking = np.clip(0.0, lower, upper)
-        reach = rows @ braking
-        flags = _HELD if np.any(reach > bounds + 1e-9) else 0
-        out[:], proven = row_solver.solve(self._h, c, lower, upper, rows, np.maximum(bounds, reach), braking)
-        return k.ROWS, flags if proven else flags | _UNPROVEN
+        if np.any(rows @ out > bounds):
+            bounds = np.maximum(bounds, rows @ braking)
+            out[:], proven = row_solver.solve(self._h, c, lower, upper, rows, bounds, braking)
+            solver, flags = k.ROWS, 0 if proven else _UNPROVEN
+        trial = out
+        for part in (0.75, 0.5, 0.25, 0.0):
+            if stop_is_clear(self._table, self._gaps, self.arm.placements, acceleration, self.dt, q, trial):
+                break
+            trial = braking + part * (out - braking)
+            flags |= _HELD
+        out[:] = trial
+        return solver, flags
 
 
 # Codes in CRF's order of severity, and the tuple for every combination, so that a tick builds none.
