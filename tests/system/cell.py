@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 
 from bus import BusConfig
 from services.launch.cell import CELL_FILE
+from services.launch.child import GUARD
 from services.launch.health import Health, ask_health
 
 ROOT = Path(__file__).parents[2]
@@ -82,7 +83,8 @@ class Cell:
     def command(self) -> list[str]:
         """What starts the supervisor."""
         own = ["--port", "0", "--bus-port", "0", "--state-dir", str(self.state_dir)]
-        return [sys.executable, "-m", "services.launch", "up", *own, *self._options]
+        guarded = [sys.executable, str(GUARD), str(os.getpid())]  # a test that is killed leaves no cell behind
+        return [*guarded, sys.executable, "-m", "services.launch", "up", *own, *self._options]
 
     def start(self) -> None:
         """Start the supervisor, and wait until it has told its ports; the services may still be starting."""
