@@ -1,4 +1,8 @@
-"""Things that move: clusters of unmapped hits followed from scan to scan by an alpha-beta filter."""
+"""Things that move: clusters of unmapped hits followed from scan to scan by an alpha-beta filter.
+
+The middle of what is visible of a standing thing wanders too, when it is passed. So what counts as moving must also
+have come to where nothing was a moment ago, or have left free where it was.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.base import NANOSECONDS
+from services.planner.navigation.observed import ObservedObstacles
 
 Array = NDArray[np.float64]
 
@@ -23,6 +28,8 @@ LEAST_RADIUS = 0.3
 MOVING_SPEED = 0.35  # m/s
 MOVING_WINDOW = 7  # scans (0.5 s) over which a mover must really have got away
 MOVING_DISTANCE = 0.2
+FRESH_SHARE = 0.3  # of a mover's hits that lie where nothing was
+WITNESSES, MOST_WITNESSES = 2, 4  # scans that must bear it out, of those that count
 MEMORY = 10.0  # s; what moved so recently may move again
 
 
@@ -33,13 +40,14 @@ class Track:
     position: Array
     radius: float
     velocity: Array = field(default_factory=lambda: np.zeros(2))
-    trail: deque[Array] = field(default_factory=lambda: deque(maxlen=MOVING_WINDOW))
+    trail: deque[Array] = field(default_factory=lambda: deque(maxlen=MOVING_WINDOW))  # of the visible front
+    witnesses: int = 0
     missed: int = 0
     moved_at: int | None = None
 
     @property
     def moving(self) -> bool:
-        if len(self.trail) < MOVING_WINDOW or math.hypot(*self.velocity) < MOVING_SPEED:
+        if self.witnesses < WITNESSES or math.hypot(*self.velocity) < MOVING_SPEED:
             return False
         return math.hypot(*(self.trail[-1] - self.trail[0])) > MOVING_DISTANCE
 
@@ -68,8 +76,9 @@ class Movers:
             if track.moved_at is not None and stamp - track.moved_at < MEMORY * NANOSECONDS
         )
 
-    def update(self, points: Array, unmapped: NDArray[np.bool_], sensor: Array, stamp: int) -> Array:
-        """Take the hits of a scan, in the order of the beams. Returns the velocity of each hit's thing, (n, 2)."""
+    def update(self, observed: ObservedObstacles, sensor: Array, stamp: int) -> Array:
+        """Take the newest scan's hits. Returns the velocity of each hit's thing, (n, 2)."""
+        points = observed.points
         dt = 0.0 if self._stamp is None else (stamp - self._stamp) / NANOSECONDS
         self._stamp = stamp
         if not 0.0 < dt < 1.0:
@@ -78,8 +87,11 @@ class Movers:
             track.position = track.position + track.velocity * dt
             track.missed += 1
         velocities = np.zeros((len(points), 2))
-        for members in _clusters(points, unmapped):
+        for members in _clusters(points, observed.unmapped):
             track = self._continue(points[members], sensor, dt)
+            came = float(observed.fresh[members].mean()) >= FRESH_SHARE
+            left = len(track.trail) == MOVING_WINDOW and observed.is_seen_free(track.trail[0])
+            track.witnesses = min(max(track.witnesses + (1 if came or left else -1), 0), MOST_WITNESSES)
             if track.moving:
                 velocities[members] = track.velocity
                 track.moved_at = stamp
@@ -103,7 +115,7 @@ class Movers:
             nearest.velocity = nearest.velocity + BETA / max(dt, 1e-3) * residual
             nearest.radius += 0.3 * (radius - nearest.radius)
             nearest.missed = 0
-        nearest.trail.append(middle)
+        nearest.trail.append(front)
         return nearest
 
 

@@ -18,6 +18,7 @@ from services.planner.navigation.settings import NavigationSettings
 Array = NDArray[np.float64]
 
 HIT, MISS, FULL, OCCUPIED = 3, 2, 6, 3  # one hit occupies; two rays through it clear the firmest cell
+FRESH, LATELY = 8, 60  # scans since something came there, and since it was seen free before that
 SCAN_PERIOD = 0.08  # s; ages are counted in scans
 
 
@@ -33,20 +34,29 @@ class ObservedObstacles:
         self._evidence = np.zeros(static.blocked.shape, dtype=np.int8)
         self._touched = np.zeros(static.blocked.shape, dtype=np.int32)
         self._expires = np.zeros(static.blocked.shape, dtype=np.int32)
+        self._first_hit = np.zeros(static.blocked.shape, dtype=np.int32)
+        self._seen_free = np.zeros(static.blocked.shape, dtype=np.int32)
         self._scans = 0
         self.points: Array = np.empty((0, 2))
         self.unmapped: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
+        self.fresh: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
 
     def integrate(self, scan: Scan, chassis: Pose, body_edges: Array) -> None:
         """Take one scan, seen with the chassis at that map pose. Hits inside the body are its own parts."""
         self._scans += 1
         g = self._static.geometry
         sensor = compose(chassis, as_pose(scan.sensor))
-        self.points, self.unmapped = _integrate(
-            self._evidence, self._touched, self._expires, self._mapped, g.x, g.y, g.resolution, self._scans,
-            self._scans + int(self._settings.forget_after / SCAN_PERIOD), scan.ranges.astype(np.float64), sensor,
-            scan.angle_min, scan.angle_step, min(scan.range_max, self._settings.obstacle_range), chassis, body_edges,
+        self.points, self.unmapped, self.fresh = _integrate(
+            self._evidence, self._touched, self._expires, self._first_hit, self._seen_free, self._mapped, g.x, g.y,
+            g.resolution, self._scans, self._scans + int(self._settings.forget_after / SCAN_PERIOD),
+            scan.ranges.astype(np.float64), sensor, scan.angle_min, scan.angle_step,
+            min(scan.range_max, self._settings.obstacle_range), chassis, body_edges,
         )  # fmt: skip
+
+    def is_seen_free(self, point: Array) -> bool:
+        """Whether a ray of the newest scan passed through this place."""
+        g = self._static.geometry
+        return g.contains(point[0], point[1]) and bool(self._seen_free[g.cell(point[0], point[1])] == self._scans)
 
     def shorten(self, centre: Array, radius: float) -> None:
         """What moves is there now but not for long: forget it soon when it gets out of sight."""
@@ -71,6 +81,8 @@ def _integrate(
     evidence: NDArray[np.int8],
     touched: NDArray[np.int32],
     expires: NDArray[np.int32],
+    first_hit: NDArray[np.int32],
+    seen_free: NDArray[np.int32],
     mapped: Mask,
     x0: float,
     y0: float,
@@ -84,12 +96,13 @@ def _integrate(
     max_range: float,
     chassis: Pose,
     body_edges: Array,
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
     """Marks hits first, then clears along rays what this scan did not hit. Returns the hits within range in the map
-    frame and whether each is missing on the map."""
+    frame, whether each is missing on the map, and whether it lies where there was seen to be nothing a moment ago."""
     rows, columns = evidence.shape
     points = np.empty((ranges.size, 2), dtype=np.float64)
     unmapped = np.zeros(ranges.size, dtype=np.bool_)
+    fresh = np.zeros(ranges.size, dtype=np.bool_)
     n = 0
     c, s = math.cos(chassis[2]), math.sin(chassis[2])
     for k in range(ranges.size):
@@ -113,6 +126,9 @@ def _integrate(
             if not mapped[i, j]:
                 unmapped[n] = True
                 expires[i, j] = expiry
+                if evidence[i, j] == 0:
+                    first_hit[i, j] = serial
+                fresh[n] = serial - first_hit[i, j] <= FRESH and 0 < seen_free[i, j] >= first_hit[i, j] - LATELY
                 if touched[i, j] != serial:
                     evidence[i, j] = min(evidence[i, j] + HIT, FULL)
             touched[i, j] = serial
@@ -132,7 +148,8 @@ def _integrate(
                 break
             if touched[i, j] != serial:
                 touched[i, j] = serial
+                seen_free[i, j] = serial
                 if evidence[i, j] > 0:
                     evidence[i, j] = max(evidence[i, j] - MISS, 0)
             travelled += 0.7 * resolution
-    return points[:n].copy(), unmapped[:n].copy()
+    return points[:n].copy(), unmapped[:n].copy(), fresh[:n].copy()

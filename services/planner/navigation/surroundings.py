@@ -39,7 +39,7 @@ class Surroundings:
         """Take a scan that was seen with the chassis at that pose."""
         self.observed.integrate(scan, chassis, footprint.edges)
         sensor = compose(chassis, as_pose(scan.sensor))[:2]
-        self._velocities = self.movers.update(self.observed.points, self.observed.unmapped, sensor, scan.stamp)
+        self._velocities = self.movers.update(self.observed, sensor, scan.stamp)
         for mover in self.movers.moving:
             self.observed.shorten(mover.position, mover.radius + 0.3)
 
