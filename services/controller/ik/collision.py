@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 # Columns of the table of rows: joint and centre of one sphere, of the other, the distance at contact, keep out or in
 # (±1).
 JOINT_A, CENTER_A, JOINT_B, CENTER_B, CONTACT, SENSE, COLUMNS = 0, 1, 4, 5, 8, 9, 10
+LEVER = 2.0  # [m] more than any sphere is away from any axis
 RESERVE = 2e-3  # [m] short of contact at which rows stop a closing gap, so that at rest the guard has nothing to do
 
 
@@ -122,6 +123,11 @@ def stop_is_clear(table, gaps, placements, acceleration, dt, q, v):  # type: ign
     A gap that is closed already, in `gaps` (m,), may not get smaller. Looks every third tick of the braking and at its
     end. What braking next tick would do is the rest of the same way: so there always is a clear way to stop."""
     n = q.shape[0]
+    travel = 0.0
+    for i in range(n):
+        travel += LEVER * abs(v[i]) * (2.0 * dt + 0.5 * abs(v[i]) / acceleration[i])
+    if np.min(gaps) > travel:
+        return True
     here, speed = q + v * dt, v.copy()
     frames, row = np.empty((n + 1, 3, 4)), np.empty(n)
     tick, moving = 0, True
