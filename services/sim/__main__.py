@@ -17,7 +17,7 @@ from services.sim.pacing import Pacer
 from services.sim.profiles import load_profiles
 from services.sim.service import SimService
 from services.sim.session import Run, Session
-from services.sim.simulation import INSTANT_NS, Simulation
+from services.sim.simulation import Simulation
 from services.sim.worldfile import load_world
 from services.sim.worlds import add_commands
 
@@ -85,18 +85,18 @@ def main(
     configure_logging("sim")
     settings = NoiseSettings(pose_xy=pose_noise, pose_yaw=yaw_noise, scale=noise)
     awaited = tuple(_service(text) for text in wait_for or ())
-    pacer = Pacer(INSTANT_NS, _speed(speed), lockstep, paused, awaited)
+    pace = _speed(speed)
     try:
         loaded = load_world(world)
         profiles = load_profiles(loaded, profile)
-        unknown = {service.robot for service in awaited} - set(profiles)
-        if unknown:
-            raise WorldFileError(f"--wait-for names {sorted(unknown)}; robots of {loaded.name}: {sorted(profiles)}")
+        robots = {*profiles, *loaded.arms}
+        if unknown := {service.robot for service in awaited} - robots:
+            raise WorldFileError(f"--wait-for names {sorted(unknown)}; robots of {loaded.name}: {sorted(robots)}")
         session = Session(
             build=lambda chosen: Simulation(loaded, profiles, chosen, settings),
             new_run=lambda: Run(uuid.uuid4().hex[:12], time.time_ns()),
             seed=loaded.seed if seed is None else seed,
-            pacer=pacer,
+            pacer=Pacer(loaded.instant_ns, pace, lockstep, paused, awaited),
         )
     except WorldFileError as error:
         typer.echo(f"sim: {error}", err=True)

@@ -103,8 +103,9 @@ class Robot:
         self._data.qpos[self._qpos : self._qpos + 2] = (x, y)
         self._data.qpos[self._qpos + 3 : self._qpos + 7] = yaw_quaternion(yaw)
 
-    def rest(self) -> None:
-        """Stand still at once, as a robot does that was just set down."""
+    def rest(self, controls: NDArray[np.float64]) -> None:
+        """Stand still at once, as a robot does that was just set down. ``controls``: of the instant that it is in."""
+        controls[:, self._wheel_motors] = 0
         qvel = self._data.qvel
         qvel[self._qvel : self._qvel + 6] = 0
         qvel[self._wheel_dofs] = 0

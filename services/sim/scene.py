@@ -9,6 +9,8 @@ from typing import Any
 import mujoco
 
 from services.sim import layers
+from services.sim.arm_kinds import ArmKind
+from services.sim.arm_model import add_arm
 from services.sim.chassis_model import add_chassis
 from services.sim.geometry import Shape, charger_shapes, static_shapes
 from services.sim.profiles import Profile
@@ -30,8 +32,10 @@ _GEOMS = {
 }
 
 
-def build_model(world: World, profiles: Mapping[str, Profile]) -> mujoco.MjModel:
-    """Compile the world. ``profiles``: robot → its profile. Raises ``ValueError`` if MuJoCo cannot compile it."""
+def build_model(world: World, profiles: Mapping[str, Profile], kinds: Mapping[str, ArmKind]) -> mujoco.MjModel:
+    """Compile the world. ``profiles``: robot → its profile; ``kinds``: arm → its kind. Raises ``ValueError`` if MuJoCo
+    cannot compile it.
+    """
     spec = mujoco.MjSpec()
     _set_options(spec, world)
     _add_floor(spec)
@@ -45,6 +49,8 @@ def build_model(world: World, profiles: Mapping[str, Profile]) -> mujoco.MjModel
         _add_rack(spec, name, rack, world.rack_kinds[rack.kind])
     for robot, profile in profiles.items():
         add_chassis(spec, robot, profile, world.robots[robot].pose)
+    for arm, arm_kind in kinds.items():
+        add_arm(spec, arm, arm_kind, world.arms[arm])
     for kind, count in SLOTS.items():
         for i in range(count):
             _add_slot(spec, kind, i)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import mujoco
@@ -21,18 +22,18 @@ _SHAPES = {
 WORLD_BODY = "world"
 
 
-def owners(model: Any) -> list[str]:
-    """For each geom the name of the thing it belongs to: a robot, a rack, a static; slots by their own names."""
+def owners(model: Any, arms: Collection[str]) -> list[str]:
+    """For each geom the name of the thing it belongs to: a robot, arm, rack, static; slots by their own names."""
     names = []
     for geom in range(model.ngeom):
         root = int(model.body_rootid[model.geom_bodyid[geom]])
         name = model.geom(geom).name.split("#")[0] if root == 0 else model.body(root).name
-        names.append(name)
+        names.append(arm if (arm := name.split("/")[0]) in arms else name)
     return names
 
 
 def moving_bodies(model: Any) -> dict[str, int]:
-    """Name → body of all that moves by itself: robots and their parts, racks."""
+    """Name → body of all that moves by itself: robots, arms and their parts, racks."""
     return {model.body(body).name: body for body in range(1, model.nbody) if model.body_mocapid[body] < 0}
 
 

@@ -8,10 +8,12 @@ from typing import Any
 from bus import Bus, Event, Presence, Publisher, Request, Sample
 from bus.log import get_logger
 from schemas import topics
+from schemas.motion import ArmCommand
 from schemas.service import WORLD
 from schemas.topics import Topic
 from services.sim.errors import RequestRefused
 from services.sim.session import Session
+from services.sim.worldfile import INSTANT_NS
 
 log = get_logger(__name__)
 
@@ -39,12 +41,16 @@ class SimService:
             (topic, WORLD): bus.publisher(topic, WORLD) for topic in WORLD_TOPICS
         }
         self._inbox = bus.inbox()
+        for arm in session.simulation.arms:
+            self._publishers[topics.ARM_STATE, arm] = bus.publisher(topics.ARM_STATE, arm)
+            self._inbox.subscribe(topics.ARM_COMMAND, arm, depth=COMMAND_DEPTH)
         for robot in session.simulation.robots:
             self._publishers |= {(topic, robot): bus.publisher(topic, robot) for topic in ROBOT_TOPICS}
             self._inbox.subscribe(topics.COMMAND, robot, depth=COMMAND_DEPTH)
         self._inbox.serve(topics.WORLD_CONTROL, WORLD)
         self._inbox.watch_services()
         self._advancing: Request | None = None
+        self._faults: set[tuple[str, str]] = set()
         self._waiting_for = ""
 
     def run(self) -> None:
@@ -64,7 +70,9 @@ class SimService:
         match decision.kind:
             case "step":
                 simulation.step()
-                self._tell_instant()
+                self._tell_outputs()
+                if simulation.stamp % INSTANT_NS == 0:
+                    self._tell_clock()
             case "retell":
                 self._log_waiting()
                 self._tell_instant()
@@ -87,7 +95,8 @@ class SimService:
     def _handle(self, event: Event) -> None:
         match event:
             case Sample(robot=robot, message=message):
-                self._session.command(robot, message)
+                if not self._session.command(robot, message):
+                    self._log_fault(robot, message)
             case Presence(service=service, alive=False):
                 if self._session.gone(service):
                     log.warning("a participant has gone; the world goes on without it", who=str(service))
@@ -126,9 +135,12 @@ class SimService:
         self._publishers[topic, robot].put(message)
 
     def _tell_instant(self) -> None:
+        self._tell_outputs()
+        self._tell_clock()
+
+    def _tell_outputs(self) -> None:
         for output in self._session.simulation.outputs:
             self._tell(output.topic, output.robot, output.message)
-        self._tell_clock()
 
     def _tell_clock(self) -> None:
         self._tell(topics.CLOCK, WORLD, self._session.clock)
@@ -149,6 +161,13 @@ class SimService:
             self._tell_instant()
         elif changes.clock:
             self._tell_clock()
+
+    def _log_fault(self, robot: str, command: Any) -> None:
+        """A command that is wrong in itself is told of once; late ones are no fault."""
+        fault = self._session.simulation.arms[robot].fault_of(command) if isinstance(command, ArmCommand) else ""
+        if fault and (robot, fault) not in self._faults:
+            self._faults.add((robot, fault))
+            log.warning("a command is ignored; the next of its kind will be without a word", robot=robot, fault=fault)
 
     def _log_waiting(self) -> None:
         missing = ", ".join(str(s) for s in self._session.pacer.missing(self._session.simulation.stamp))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from schemas.chassis import ChassisCommand
+from schemas.motion import ArmCommand
 from schemas.service import ServiceId
 from schemas.world import (
     Advance,
@@ -25,10 +26,11 @@ from schemas.world import (
 )
 from services.sim.errors import RequestRefused, unknown
 from services.sim.pacing import Pacer
-from services.sim.simulation import INSTANT_NS, Simulation
+from services.sim.simulation import Simulation
+from services.sim.worldfile import INSTANT_NS
 
-# Whose commands a participant's answers are.
-COMMANDERS = ("planner",)
+# Whose commands a participant's answers are: one service commands a chassis, another an arm.
+CHASSIS_COMMANDER, ARM_COMMANDER = "planner", "controller"
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Session:
         return Clock(
             stamp=self.simulation.stamp,
             run=self.run.name,
-            step_ns=INSTANT_NS,
+            step_ns=self.simulation.instant_ns,
             speed=self.pacer.speed,
             paused=self.pacer.paused and self.pacer.until is None,
             lockstep=self.pacer.lockstep,
@@ -78,7 +80,7 @@ class Session:
         changes, self.changes = self.changes, Changes()
         return changes
 
-    def command(self, robot: str, command: ChassisCommand) -> bool:
+    def command(self, robot: str, command: ChassisCommand | ArmCommand) -> bool:
         """False if the command is not of this run or older than the one in force."""
         taken = self.simulation.command(robot, command)
         if taken:
@@ -87,7 +89,7 @@ class Session:
 
     def gone(self, service: ServiceId) -> bool:
         """A service's liveliness token has vanished: what it commanded counts no more. True if it took part."""
-        if service.service in COMMANDERS:
+        if service.service in (CHASSIS_COMMANDER, ARM_COMMANDER):
             self.simulation.silence(service.robot)
         return self.pacer.leave(service)
 
@@ -140,13 +142,17 @@ class Session:
         )
 
     def _join(self, join: Join) -> None:
-        if join.robot not in self.simulation.robots:
-            raise unknown("robot", join.robot, self.simulation.robots)
-        if join.service not in COMMANDERS:
-            raise unknown("commanding service", join.service, COMMANDERS)
-        if join.period_ns % INSTANT_NS:
+        simulation = self.simulation
+        if join.robot not in {*simulation.robots, *simulation.arms}:
+            raise unknown("robot", join.robot, [*simulation.robots, *simulation.arms])
+        is_arm = join.robot in simulation.arms
+        commander = ARM_COMMANDER if is_arm else CHASSIS_COMMANDER
+        if join.service != commander:
+            raise unknown("commanding service", join.service, (commander,))
+        instant = simulation.instant_ns if is_arm else INSTANT_NS
+        if join.period_ns % instant:
             raise RequestRefused(
-                "invalid", f"period {join.period_ns} ns is not a multiple of the control instant of {INSTANT_NS} ns"
+                "invalid", f"period {join.period_ns} ns is not a multiple of the control instant of {instant} ns"
             )
         self.pacer.join(ServiceId(join.service, join.robot), join.period_ns, self.simulation.stamp)
         self.changes.instant = True  # it may have come after this instant was told
@@ -156,8 +162,8 @@ class Session:
             raise RequestRefused("precondition", "the world runs; pause it before advancing it")
         if self.pacer.until is not None:
             raise RequestRefused("precondition", f"the world is on its way to stamp {self.pacer.until}")
-        instants = -(-duration_ns // INSTANT_NS)
-        self.pacer.advance(self.simulation.stamp + instants * INSTANT_NS)
+        instant = self.simulation.instant_ns
+        self.pacer.advance(self.simulation.stamp + -(-duration_ns // instant) * instant)
         self.changes.clock = True
 
     def _reset(self, seed: int) -> None:

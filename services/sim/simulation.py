@@ -14,12 +14,15 @@ import numpy as np
 from schemas import topics
 from schemas.base import Pose2
 from schemas.chassis import ChassisCommand, LocalisedPose, Odometry, Scan
+from schemas.motion import ArmCommand, ArmState
 from schemas.service import WORLD
 from schemas.topics import Topic
 from schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, Place, Scene
 from services.sim import scenery
+from services.sim.arm import Arm
+from services.sim.arm_kinds import load_arm_kinds
 from services.sim.errors import PhysicsError, RequestRefused, WorldFileError, unknown
-from services.sim.layers import OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
+from services.sim.layers import ARM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
 from services.sim.ledger import ContactLedger
 from services.sim.movers import Walker, is_in_way, make_route
 from services.sim.noise import NoiseSettings
@@ -27,9 +30,8 @@ from services.sim.obstacles import PERSON_SIZE, Obstacles
 from services.sim.profiles import Profile
 from services.sim.robot import Robot, hull_touches
 from services.sim.scene import build_model
-from services.sim.worldfile import Mover, PoseTuple, Walk, World
+from services.sim.worldfile import INSTANT_NS, Mover, PoseTuple, Walk, World
 
-INSTANT_NS = 20_000_000
 SETTLING_INSTANTS = 15
 FARTHEST = 1000.0
 NOISE = NoiseSettings()
@@ -52,25 +54,34 @@ class Output:
 class Simulation:
     """A world from its start on. Beginning anew is making another one: the same seed then gives the same bytes.
 
-    ``step`` goes on by one control instant (20 ms); ``outputs`` is what is due at the present one, in the order of the
-    contract, and stays the same until the next step, so that an instant can be told again.
+    ``step`` goes on by one control instant (20 ms; 2 ms where there are arms); ``outputs`` is what is due at the
+    present one, in the order of the contract, and stays the same until the next step, so that an instant can be told
+    again.
     """
 
     def __init__(self, world: World, profiles: Mapping[str, Profile], seed: int, noise: NoiseSettings = NOISE) -> None:
         self.world, self.seed = world, seed
-        self.model = build_model(world, profiles)
+        self.instant_ns = world.instant_ns
+        kinds = load_arm_kinds(world)
+        self.model = build_model(world, profiles, kinds)
         self.data = mujoco.MjData(self.model)
         self.obstacles = Obstacles(self.model, self.data)
-        self._steps = round(INSTANT_NS * 1e-9 / world.timestep)
+        self._steps = round(self.instant_ns * 1e-9 / world.timestep)
+        self._controls = np.zeros((round(INSTANT_NS * 1e-9 / world.timestep), self.model.nu))
+        self.arms = {
+            name: Arm(name, kind, world.arms[name].home or kind.home, self.model, self.data)
+            for name, kind in kinds.items()
+        }
         self._settle()
         docks = tuple(charger.dock for charger in world.chargers.values())
         self.robots = {
             name: Robot(name, profile, self.model, self.data, seed, noise, world.robots[name].battery, docks)
             for name, profile in profiles.items()
         }
-        self._geom_names = scenery.owners(self.model)
+        self._geom_names = scenery.owners(self.model, self.arms)
         self._bodies = scenery.moving_bodies(self.model)
         hulls = {robot.hull: name for name, robot in self.robots.items()}
+        hulls |= {int(geom): name for name, arm in self.arms.items() for geom in arm.geoms}
         self.ledger = ContactLedger(hulls, self.model.ngeom, self._owner)
         self.stamp = 0
         self._hash = hashlib.blake2b(digest_size=16)
@@ -78,7 +89,7 @@ class Simulation:
             self._populate()
         except (RequestRefused, ValueError) as error:
             raise WorldFileError(f"world {world.name}: {error}") from None
-        self._finish_instant(0.0)
+        self._finish_instant()
 
     @property
     def digest(self) -> str:
@@ -93,10 +104,14 @@ class Simulation:
 
     # -- what is done to the world -----------------------------------------------------------------------------------
 
-    def command(self, robot: str, command: ChassisCommand) -> bool:
+    def command(self, robot: str, command: ChassisCommand | ArmCommand) -> bool:
         """Take a command. False if it is none of this run (it answers an instant that has not been) or an older one."""
+        if command.answers > self.stamp:
+            return False
+        if isinstance(command, ArmCommand):
+            return robot in self.arms and self.arms[robot].command(command)
         known = self.robots.get(robot)
-        if known is None or command.answers > self.stamp:
+        if known is None:
             return False
         if known.command is not None and command.answers < known.command.answers:
             return False
@@ -107,6 +122,8 @@ class Simulation:
         """Nobody commands the robot any more: it brakes at once, without waiting for its last command to grow stale."""
         if robot in self.robots:
             self.robots[robot].command = None
+        if robot in self.arms:
+            self.arms[robot].silence()
 
     def place(self, place: Place) -> None:
         """Raises ``RequestRefused`` and changes nothing if it cannot be."""
@@ -125,13 +142,14 @@ class Simulation:
         former = self.obstacles.placed.get(place.name)
         placed = self.obstacles.place(place.name, place.kind, size, _tuple(place.pose), walker)
         self._kinematics()
-        for name, robot in self.robots.items():
-            if hull_touches(self.model, self.data, robot.hull, np.array([self.obstacles.geom_of(placed)])) is not None:
-                self.obstacles.remove(place.name)
-                if former is not None:
-                    self.obstacles.place(place.name, former.kind, former.size, former.pose, former.walker)
-                self._kinematics()
-                raise RequestRefused("invalid", f"{place.name!r} would stand in {name}")
+        bodies = [robot.hull for robot in self.robots.values()] + [g for arm in self.arms.values() for g in arm.geoms]
+        touched = hull_touches(self.model, self.data, self.obstacles.geom_of(placed), np.array(bodies))
+        if touched is not None:
+            self.obstacles.remove(place.name)
+            if former is not None:
+                self.obstacles.place(place.name, former.kind, former.size, former.pose, former.walker)
+            self._kinematics()
+            raise RequestRefused("invalid", f"{place.name!r} would stand in {self._owner(touched)}")
 
     def remove(self, name: str) -> None:
         """Raises ``RequestRefused``."""
@@ -150,7 +168,7 @@ class Simulation:
             self.data.qpos[:] = before
             self._kinematics()
             raise RequestRefused("invalid", f"{move.robot} would stand in {touched!r}")
-        robot.rest()
+        robot.rest(self._controls)
 
     def inject(self, fault: InjectFault) -> None:
         """Raises ``RequestRefused``."""
@@ -168,29 +186,48 @@ class Simulation:
 
     def step(self) -> None:
         """Go on by one control instant with the newest commands."""
-        dt = INSTANT_NS * 1e-9
-        controls = np.zeros((self._steps, self.model.nu))
-        for robot in self.robots.values():
-            robot.drive(controls, self.stamp, dt)
-        self._move_walkers(dt)
-        self._run(controls)
-        self.stamp += INSTANT_NS
+        into = self.stamp % INSTANT_NS
+        if into == 0:
+            self._begin_chassis_instant()
+        for arm in self.arms.values():
+            arm.begin(self.stamp)
+        first = into // self.instant_ns * self._steps
+        self._run(self._controls[first : first + self._steps])
+        self.stamp += self.instant_ns
         self._check_physics()
-        self._finish_instant(dt)
+        self._finish_instant()
+
+    def _begin_chassis_instant(self) -> None:
+        """What the chassis' drives do, and where people go, in the next 20 ms."""
+        dt = INSTANT_NS * 1e-9
+        for robot in self.robots.values():
+            robot.drive(self._controls, self.stamp, dt)
+        self._move_walkers(dt)
 
     def _run(self, controls: np.ndarray[Any, Any]) -> None:
         """Step by step, so that no contact is too short for the ledger: 3 µs of Python beside some 25 µs of physics."""
         model, data, step_ns = self.model, self.data, round(self.world.timestep * 1e9)
         for i, row in enumerate(controls):
             data.ctrl[:] = row
-            mujoco.mj_step(model, data)
+            self._step_physics()
             for name, index in self.ledger.observe(model, data, self.stamp + i * step_ns):
-                self.robots[name].bump(data.contact[index])
+                if name in self.robots:
+                    self.robots[name].bump(data.contact[index])
+
+    def _step_physics(self) -> None:
+        """One step; the servos of arms stand in its middle, where the forces to be compensated are known."""
+        if not self.arms:
+            mujoco.mj_step(self.model, self.data)
+            return
+        mujoco.mj_step1(self.model, self.data)
+        for arm in self.arms.values():
+            arm.servo()
+        mujoco.mj_step2(self.model, self.data)
 
     def _settle(self) -> None:
         """Let the wheels take the weight before time begins. Racks sleep meanwhile."""
-        for _ in range(SETTLING_INSTANTS * self._steps):
-            mujoco.mj_step(self.model, self.data)
+        for _ in range(SETTLING_INSTANTS * len(self._controls)):
+            self._step_physics()
         self.data.time = 0.0
 
     def _check_physics(self) -> None:
@@ -199,13 +236,14 @@ class Simulation:
             if self.data.warning[warning].number:
                 raise PhysicsError(f"the physics came apart at stamp {self.stamp}: {warning.name}")
 
-    def _finish_instant(self, dt: float) -> None:
-        self._kinematics()
+    def _finish_instant(self) -> None:
+        if self.stamp % INSTANT_NS == 0:
+            self._kinematics()
         state = (self.data.qpos, self.data.qvel, self.data.act, self.data.mocap_pos, self.data.mocap_quat)
         self._hash.update(self.stamp.to_bytes(8, "little"))
         for part in state:
             self._hash.update(part.tobytes())
-        self._outputs = tuple(self._due(dt))
+        self._outputs = tuple(self._due())
         for output in self._outputs:
             self._hash.update(_measured(output.message))
 
@@ -215,9 +253,14 @@ class Simulation:
 
     # -- what the world says -----------------------------------------------------------------------------------------
 
-    def _due(self, dt: float) -> list[Output]:
+    def _due(self) -> list[Output]:
         """What is due now, in the order of the contract: odometry is the last of its robot, and of the instant."""
+        arms = [Output(topics.ARM_STATE, name, arm.state(self.stamp)) for name, arm in self.arms.items()]
+        return arms if self.stamp % INSTANT_NS else self._due_of_chassis(arms)
+
+    def _due_of_chassis(self, arms: list[Output]) -> list[Output]:
         stamp, outputs = self.stamp, []
+        dt = INSTANT_NS * 1e-9 if stamp else 0.0
         for name, robot in self.robots.items():
             outputs.append(Output(topics.IMU, name, robot.imu(stamp)))
             if _is_due(topics.SCAN, stamp):
@@ -236,6 +279,7 @@ class Simulation:
                 outputs.append(Output(topics.CONTACTS, name, robot.contacts(stamp)))
         if _is_due(topics.OBJECTS, stamp):
             outputs.append(Output(topics.OBJECTS, WORLD, self.objects()))
+        outputs += arms
         for name, robot in self.robots.items():
             outputs.append(Output(topics.ODOMETRY, name, robot.odometry(stamp, dt)))
         return outputs
@@ -283,14 +327,14 @@ class Simulation:
 
     def _touched(self, robot: Robot) -> str | None:
         """The name of something that the robot's body meets where it is, if there is any."""
-        others = np.flatnonzero(self.model.geom_contype & (STATIC_BIT | RACK_BIT | ROBOT_BIT | OBSTACLE_BIT))
+        others = np.flatnonzero(self.model.geom_contype & (STATIC_BIT | RACK_BIT | ROBOT_BIT | OBSTACLE_BIT | ARM_BIT))
         geom = hull_touches(self.model, self.data, robot.hull, others[others != robot.hull])
         return None if geom is None else self._owner(geom)
 
     def _check_name(self, name: str) -> None:
         if not re.fullmatch(r"[\w.-]{1,60}", name):
             raise RequestRefused("invalid", f"name {name!r}: want 1 … 60 letters, digits, '_', '-' or '.'")
-        if name in {*self.robots, *self.world.racks, *self.world.statics, *self.world.chargers}:
+        if name in {*self.robots, *self.arms, *self.world.racks, *self.world.statics, *self.world.chargers}:
             raise RequestRefused("invalid", f"{name!r} is the name of something else in this world")
 
     def _robot(self, name: str) -> Robot:
@@ -311,6 +355,8 @@ def _measured(message: Any) -> bytes:
             return message.ranges.tobytes()
         case Odometry() | LocalisedPose():
             return np.array([message.pose.x, message.pose.y, message.pose.yaw]).tobytes()
+        case ArmState():
+            return np.array([message.q, message.dq, message.efforts]).tobytes()
         case _:
             return b""
 

@@ -20,6 +20,10 @@ Positive = Annotated[float, Field(gt=0)]
 Point = tuple[float, float]
 PoseTuple = tuple[float, float, float]
 Size3 = tuple[Positive, Positive, Positive]
+# The chassis' drivers work at instants of 20 ms, those of arms at instants of 2 ms and their servos at 1 kHz.
+INSTANT_NS = 20_000_000
+ARM_INSTANT_NS = 2_000_000
+ARM_TIMESTEP = 0.001
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
 
 
@@ -141,6 +145,18 @@ class RobotPlace(Data):
     battery: Annotated[float, Field(gt=0, le=1)] = 0.8
 
 
+class ArmPlace(Data):
+    """An arm of the world: its kind, where its base frame stands, and how high above the floor (``mount``). What it
+    stands on is one of the statics. ``home``: joint positions it begins with, those of its kind if not given.
+    """
+
+    kind: str
+    pose: PoseTuple
+    mount: Annotated[float, Field(ge=0)] = 0.0
+    home: tuple[float, ...] | None = None
+    gripper: Literal["suction"] | None = None
+
+
 class MapSettings(Data):
     """How the map is drawn. ``height``: of the plane that is cut; ``margin``: unknown rim round the floor."""
 
@@ -159,6 +175,10 @@ class Task(Data):
     source: str = ""
 
 
+def _default_timestep(world: dict[str, Any]) -> float:
+    return ARM_TIMESTEP if world.get("arms") else 0.002
+
+
 class World(Data):
     """A whole world. ``bounds``: x_min, y_min, x_max, y_max of the floor that is mapped."""
 
@@ -166,9 +186,10 @@ class World(Data):
     name: str
     description: str = ""
     seed: Annotated[int, Field(ge=0)] = 0
-    timestep: Annotated[float, Field(gt=0, le=0.005)] = 0.002
     bounds: tuple[float, float, float, float]
-    robots: Annotated[dict[Name, RobotPlace], Field(min_length=1)]
+    robots: dict[Name, RobotPlace] = {}
+    arms: dict[Name, ArmPlace] = {}
+    timestep: Annotated[float, Field(gt=0, le=0.005)] = Field(default_factory=_default_timestep)
     statics: dict[Name, StaticThing] = {}
     rack_kinds: dict[Name, RackKind] = {}
     racks: dict[Name, Rack] = {}
@@ -185,15 +206,26 @@ class World(Data):
         for name, rack in self.racks.items():
             if rack.kind not in self.rack_kinds:
                 raise ValueError(f"rack {name!r} is of unknown kind {rack.kind!r}; known: {sorted(self.rack_kinds)}")
+        if not self.robots and not self.arms:
+            raise ValueError("robots: a world needs one robot or arm at least")
         self._check_names()
-        steps = 0.02 / self.timestep
-        if not math.isclose(steps, round(steps), rel_tol=1e-9):
-            raise ValueError(f"timestep {self.timestep}: a control instant of 0.02 s must be a whole number of steps")
+        instant = self.instant_ns * 1e-9
+        if not math.isclose(steps := instant / self.timestep, round(steps), rel_tol=1e-9):
+            raise ValueError(
+                f"timestep {self.timestep}: a control instant of {instant:g} s must be a whole number of steps"
+            )
+        if self.arms and self.timestep > ARM_TIMESTEP:
+            raise ValueError(f"timestep {self.timestep}: the servo of an arm needs {ARM_TIMESTEP} or less")
         return self
+
+    @property
+    def instant_ns(self) -> int:
+        """How long a control instant is: time stands between two of them, and all commands are taken there."""
+        return ARM_INSTANT_NS if self.arms else INSTANT_NS
 
     def _check_names(self) -> None:
         owner: dict[str, str] = {}
-        for group in ("robots", "statics", "racks", "chargers", "movers", "obstacles"):
+        for group in ("robots", "arms", "statics", "racks", "chargers", "movers", "obstacles"):
             for name in getattr(self, group):
                 if name in owner:
                     raise ValueError(f"the name {name!r} is used in {owner[name]} and in {group}")
