@@ -15,7 +15,7 @@ from pathlib import Path
 
 import worlds
 from services.launch.health import Health, ask_health
-from services.launch.processes import WORLD_FILE, Address, CellOptions, Process, cell_processes, world_folder
+from services.launch.processes import WORLD_FILE, Address, CellOptions, Process, cell_processes, read_cast, world_folder
 from services.launch.supervisor import Supervisor
 
 CELL_FILE = "cell.json"
@@ -43,10 +43,14 @@ def run_cell(options: CellOptions) -> int:
 
 
 def check_world(name: str) -> None:
-    """Raises ``CannotStart`` if there is no such world."""
+    """Raises ``CannotStart`` if there is no such world, or its file does not say who acts in it."""
     if not (world_folder(name) / WORLD_FILE).is_file():
         known = sorted(path.parent.name for path in Path(worlds.__path__[0]).glob(f"*/{WORLD_FILE}"))
         raise CannotStart(f"there is no world {name!r}: want {', '.join(known)}, or a folder that holds {WORLD_FILE}")
+    try:
+        read_cast(world_folder(name))
+    except (OSError, ValueError) as error:
+        raise CannotStart(str(error)) from None
 
 
 def check_ports(processes: Sequence[Process]) -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 import worlds
 
 WORLD_FILE = "world.yaml"
+CONTROLLER_RATE = 250  # Hz
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,14 @@ class Process:
 
 
 @dataclass(frozen=True)
+class Cast:
+    """Who acts in a world: the names of its chassis, and of its arms with their kinds."""
+
+    chassis: tuple[str, ...] = ()
+    arms: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class CellOptions:
     """What ``rackhand up`` can be told. ``speed`` None is as fast as possible; ``world`` is a name or a folder.
 
@@ -61,7 +73,6 @@ class CellOptions:
     seed: int | None = None
     http: Address = Address("127.0.0.1", 8090)
     bus: Address = Address("127.0.0.1", 7447)
-    robot: str = "amr1"
     profile: str | None = None
     state_dir: Path = Path("var")
 
@@ -69,6 +80,7 @@ class CellOptions:
 def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tuple[Process, ...]:
     """The process table. ``environment`` is the user's: bus endpoints named there become the router's neighbours."""
     bus = {"RACKHAND_BUS_CONNECT": options.bus.endpoint}
+    cast = read_cast(world_folder(options.world))
     return (
         Process(
             "router",
@@ -76,17 +88,62 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
             listens=options.bus,
             option="--bus-port",
         ),
-        Process("sim", _module("services.sim", *_sim_arguments(options)), needs=("router",), env=bus),
-        Process("planner", _module("services.planner", *_planner_arguments(options)), needs=("router",), env=bus),
+        Process("sim", _module("services.sim", *_sim_arguments(options, cast)), needs=("router",), env=bus),
+        *(
+            Process(
+                _row_name("planner", robot, cast.chassis),
+                _module("services.planner", *_planner_arguments(options, robot)),
+                needs=("router",),
+                env=bus,
+            )
+            for robot in cast.chassis
+        ),
+        *(
+            Process(
+                _row_name("controller", arm, cast.arms),
+                _module("services.controller", *_controller_arguments(options, arm, kind)),
+                needs=("router",),
+                env=bus,
+            )
+            for arm, kind in cast.arms.items()
+        ),
         Process(
             "gateway",
-            _module("services.gateway", *_gateway_arguments(options)),
+            _module("services.gateway", *_gateway_arguments(options, cast)),
             needs=("router",),
             listens=options.http,
             option="--port",
             env=bus,
         ),
     )
+
+
+def read_cast(folder: Path) -> Cast:
+    """Who acts in the world of this folder. Raises ``OSError``, or ``ValueError`` where the file does not say; all else
+    that may be wrong with it the simulator tells.
+    """
+    path = folder / WORLD_FILE
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    robots, arms = _mapping(path, content, "robots"), _mapping(path, content, "arms")
+    for name, arm in arms.items():
+        if not isinstance(arm, dict) or not isinstance(arm.get("kind"), str):
+            raise ValueError(f"{path}: arms.{name}: want its kind, as in {{kind: ur5e, …}}")
+    return Cast(tuple(robots), {name: arm["kind"] for name, arm in arms.items()})
+
+
+def _mapping(path: Path, content: object, key: str) -> dict[str, Any]:
+    found = (content.get(key) if isinstance(content, dict) else None) or {}
+    if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
+        raise ValueError(f"{path}: {key}: want a mapping of names")
+    return found
+
+
+def _row_name(service: str, robot: str, all_robots: Collection[str]) -> str:
+    """The robot is in the name only where there are several."""
+    return service if len(all_robots) == 1 else f"{service}-{robot}"
 
 
 def _module(module: str, *arguments: str) -> tuple[str, ...]:
@@ -98,10 +155,11 @@ def _router_arguments(options: CellOptions, neighbours: str) -> tuple[str, ...]:
     return ("--listen", options.bus.endpoint, *connect)
 
 
-def _sim_arguments(options: CellOptions) -> tuple[str, ...]:
+def _sim_arguments(options: CellOptions, cast: Cast) -> tuple[str, ...]:
     arguments = ["--world", options.world]
     arguments += ["--speed", "max" if options.speed is None else f"{options.speed:g}"]
-    arguments += ["--wait-for", f"{options.robot}/planner"]
+    for participant in _participants(cast):
+        arguments += ["--wait-for", participant]
     if options.seed is not None:
         arguments += ["--seed", str(options.seed)]
     if options.lockstep:
@@ -111,13 +169,28 @@ def _sim_arguments(options: CellOptions) -> tuple[str, ...]:
     return tuple(arguments)
 
 
-def _planner_arguments(options: CellOptions) -> tuple[str, ...]:
-    store = options.state_dir / options.robot / "planner.sqlite"
-    return ("--robot", options.robot, "--map", str(world_folder(options.world)), "--store", str(store))
+def _participants(cast: Cast) -> list[str]:
+    return [*(f"{robot}/planner" for robot in cast.chassis), *(f"{arm}/controller" for arm in cast.arms)]
 
 
-def _gateway_arguments(options: CellOptions) -> tuple[str, ...]:
-    return ("--robot", options.robot, "--host", options.http.host, "--port", str(options.http.port))
+def _planner_arguments(options: CellOptions, robot: str) -> tuple[str, ...]:
+    store = options.state_dir / robot / "planner.sqlite"
+    return ("--robot", robot, "--map", str(world_folder(options.world)), "--store", str(store))
+
+
+def _controller_arguments(options: CellOptions, arm: str, kind: str) -> tuple[str, ...]:
+    state = options.state_dir / arm
+    return ("--robot", arm, "--arm", kind, "--state-dir", str(state), "--rate", str(CONTROLLER_RATE))
+
+
+def _gateway_arguments(options: CellOptions, cast: Cast) -> tuple[str, ...]:
+    """The gateway is the API of the first chassis, and healthy when all that act are there."""
+    arguments = ["--host", options.http.host, "--port", str(options.http.port)]
+    if cast.chassis:
+        arguments += ["--robot", cast.chassis[0]]
+    for service in ("cell/router", "world/sim", *_participants(cast)):
+        arguments += ["--expect", service]
+    return tuple(arguments)
 
 
 def world_folder(name: str) -> Path:

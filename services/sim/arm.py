@@ -187,7 +187,7 @@ class Arm:
         return np.asarray((v_next - v) / self._step + BANDWIDTH**2 * error + 2 * BANDWIDTH * error_rate)
 
     def _plan(self, mode: Mode, order: Order | None, is_new: bool) -> None:
-        """The next segment, from the present reference on. A command already followed for a segment is a standing one."""
+        """The next segment, from the present reference on. A command that is not new has ended its stream."""
         now, interval = self._reference, FIRST_INTERVAL if order is None else order.interval
         duration = max(round(interval / self._step), 1) * self._step
         match mode:

@@ -96,7 +96,7 @@ def test_what_is_no_world_at_all_is_told(tmp_path: Path, text: str, told: str) -
 
 
 def test_an_unknown_world_names_those_that_are() -> None:
-    with pytest.raises(WorldFileError, match="'wharehouse' is neither a world \\(empty, pick_station, warehouse\\) nor a folder"):
+    with pytest.raises(WorldFileError, match="is neither a world \\(empty, pick_station, warehouse\\) nor a folder"):
         load_world("wharehouse")
 
 
