@@ -8,7 +8,7 @@ from fastapi import FastAPI
 from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
-from services.gateway import chassis, device, errors, health, index, maps, moves, websocket
+from services.gateway import chassis, device, docs, errors, health, index, maps, moves, websocket
 from services.gateway.broadcast import Hub
 from services.gateway.context import BusClient, Context
 from services.gateway.methods import AllowedMethods
@@ -32,12 +32,21 @@ def create_app(state: State, bus: BusClient, settings: Settings | None = None) -
         description=DESCRIPTION,
         version="1",
         redirect_slashes=False,
+        docs_url=None,  # it would load Swagger UI from elsewhere; docs.py does not
         redoc_url=None,
         strict_content_type=False,
         generate_unique_id_function=_operation_id,
     )
     app.state.context = Context(settings, state, Hub(state, settings.interval), bus)
-    for router in (index.router, moves.router, chassis.router, chassis.services, maps.router, device.router):
+    for router in (
+        index.router,
+        docs.router,
+        moves.router,
+        chassis.router,
+        chassis.services,
+        maps.router,
+        device.router,
+    ):
         app.include_router(router)
     app.include_router(health.router)
     app.include_router(websocket.router)

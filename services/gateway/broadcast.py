@@ -21,6 +21,9 @@ log = get_logger(__name__)
 MAX_EVENTS = 64
 MAX_REPLIES = 64
 MAX_TOPICS = 1000
+# As measured on a real Longjack: these come on change, and again after so long without one. Seconds of wall time.
+REPEATED = frozenset({"/planning_state", "/robot_model"})
+REPEAT_AFTER = 12.0
 
 
 def frame(topic: str, payload: Payload) -> str:
@@ -118,16 +121,19 @@ class Client:
 class Hub:
     """Takes events in and sends what they changed to those who enabled it, no faster than each topic's rate.
 
-    Lives in one event loop. ``interval`` gives the least seconds between two frames of a topic.
+    Lives in one event loop. ``interval`` gives the least seconds between two frames of a topic; ``repeat_after``, after
+    how many the state topics that a real robot repeats are sent again.
     """
 
-    def __init__(self, state: State, interval: Callable[[str], float]) -> None:
+    def __init__(self, state: State, interval: Callable[[str], float], repeat_after: float = REPEAT_AFTER) -> None:
         self.state = state
         self.clients: dict[int, Client] = {}
         self._interval = interval
+        self._repeat_after = repeat_after
         self._numbers = itertools.count(1)
         self._last_sent: dict[str, float] = {}
         self._due: dict[str, asyncio.TimerHandle] = {}
+        self._repeats: dict[str, asyncio.TimerHandle] = {}
         self._planning_heard = asyncio.Event()
 
     def join(self, legacy: bool = False) -> Client:
@@ -163,9 +169,10 @@ class Hub:
             client.outbox.stream(name, text)
 
     def close(self) -> None:
-        for timer in self._due.values():
-            timer.cancel()
-        self._due.clear()
+        for timers in (self._due, self._repeats):
+            for timer in timers.values():
+                timer.cancel()
+            timers.clear()
 
     def _changed(self, change: Change) -> None:
         topic = change.topic
@@ -184,6 +191,11 @@ class Hub:
         self._due.pop(topic, None)
         self._send(topic)
 
+    def _due_again(self, topic: str) -> None:
+        if (timer := self._repeats.pop(topic, None)) is not None:
+            timer.cancel()
+        self._repeats[topic] = asyncio.get_running_loop().call_later(self._repeat_after, self._send, topic)
+
     def _cancel(self, topic: str) -> None:
         timer = self._due.pop(topic, None)
         if timer is not None:
@@ -193,6 +205,8 @@ class Hub:
         self._last_sent[topic] = asyncio.get_running_loop().time()
         readers = [(client, name) for client in self.clients.values() for name in client.names_of(topic)]
         texts = {name: self._frame(topic, name) for name in {name for _, name in readers}}
+        if topic in REPEATED:
+            self._due_again(topic)
         for client, name in readers:
             if (text := texts[name]) is None:
                 continue

@@ -6,18 +6,16 @@ from importlib.resources import files
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse, JSONResponse, Response
+from fastapi.responses import JSONResponse, Response
 
 from services.gateway.errors import not_found
+from services.gateway.pages import asset, page
 
 router = APIRouter(include_in_schema=False)
 
-_PAGE = files("services.gateway") / "page"
-_ASSETS = {
-    "page.js": "text/javascript; charset=utf-8",
-    "draw.js": "text/javascript; charset=utf-8",
-    "page.css": "text/css; charset=utf-8",
-}
+_FOLDER = files("services.gateway") / "page"
+# What browsers may ask for, by name: nothing else of the disk is ever read.
+ASSETS = frozenset(entry.name for entry in _FOLDER.iterdir() if entry.name.endswith((".js", ".css")))
 _INDEX = {
     "chassis": "/chassis/",
     "maps": "/maps/",
@@ -45,15 +43,15 @@ _SERVICES = (
 @router.get("/")
 def index(request: Request) -> Response:
     if "text/html" in request.headers.get("accept", ""):
-        return HTMLResponse((_PAGE / "index.html").read_text("utf-8"))
+        return page((_FOLDER / "index.html").read_text("utf-8"))
     return JSONResponse(_INDEX)
 
 
 @router.get("/page/{name}")
-def asset(name: str) -> Response:
-    if name not in _ASSETS:
+def page_asset(name: str) -> Response:
+    if name not in ASSETS:
         raise not_found("Not Found")
-    return Response((_PAGE / name).read_text("utf-8"), media_type=_ASSETS[name])
+    return asset(_FOLDER / name)
 
 
 @router.get("/chassis")

@@ -15,7 +15,9 @@ from services.gateway.bodies import MalformedJson, quote_bare_keys, read_json
 from services.gateway.errors import bad_request, detail
 
 BODY_METHODS = frozenset({"POST", "PUT", "PATCH", "DELETE"})
-OPEN_PATHS = frozenset({"/healthz", "/device/boot_progress"})  # asked by supervisors, which hold no secret
+# Asked by supervisors, which hold no secret, and by browsers, which cannot send it before the page is there.
+OPEN_PATHS = frozenset({"/healthz", "/device/boot_progress", "/", "/docs", "/openapi.json"})
+OPEN_FOLDERS = ("/page/", "/docs/")
 # Here the API's documentation itself writes {state: "cancelled"}.
 BARE_KEYS_PATH = "/chassis/moves/"
 LARGE_BODY = 256 * 1024
@@ -68,7 +70,8 @@ class SecretHeader:
             await detail(401, "The header Secret is missing or wrong.")(scope, receive, send)
 
     def _may_pass(self, scope: Scope) -> bool:
-        if scope["path"] in OPEN_PATHS or scope.get("method") == "OPTIONS":
+        path = scope["path"]
+        if path in OPEN_PATHS or path.startswith(OPEN_FOLDERS) or scope.get("method") == "OPTIONS":
             return True
         headers = Headers(scope=scope)
         texts = (headers.get("secret", ""), headers.get("authorization", "").removeprefix("Secret "))

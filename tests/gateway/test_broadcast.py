@@ -181,3 +181,22 @@ def test_what_json_cannot_carry_is_not_sent_and_stops_nothing() -> None:
         assert [frame["topic"] for frame in sent(client)] == ["/map/info"]
 
     run(test())
+
+
+def test_what_a_real_robot_repeats_comes_again_when_nothing_changes() -> None:
+    async def test() -> None:
+        made = Hub(State("amr1"), lambda _topic: 0, repeat_after=0.02)
+        client = made.join()
+        client.change(["/planning_state", "/tracked_pose"])
+        made.hear(planning(move_state="succeeded"))
+        made.hear(pose(1))
+        again: list[str] = []
+        while again.count("/planning_state") < 3:
+            again.append(json.loads(await client.outbox.next())["topic"])
+        assert again.count("/tracked_pose") == 1
+        made.close()
+        sent(client)
+        await asyncio.sleep(0.1)
+        assert sent(client) == []
+
+    run(test())

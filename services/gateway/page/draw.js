@@ -1,160 +1,139 @@
-// The live map: what is known, drawn in map coordinates (metres, y up).
+// The live map: what is known, drawn from the floor up.
+import { drawOverlays } from "./overlays.js";
+import { arrow, dot, label, stroke, trace } from "./pen.js";
 
-export class View {
-  constructor(canvas) {
-    this.canvas = canvas;
-    this.context = canvas.getContext("2d");
-    this.scale = 40; // pixels a metre
-    this.centre = [0, 0];
-    this.touched = false; // once the user has zoomed or panned, the view stays where it was put
-  }
+const NO_FOOTPRINT = [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]];
 
-  resize() {
-    const ratio = window.devicePixelRatio || 1;
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    if (this.canvas.width !== width * ratio || this.canvas.height !== height * ratio) {
-      this.canvas.width = width * ratio;
-      this.canvas.height = height * ratio;
-    }
-    this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    return [width, height];
-  }
-
-  fit(map) {
-    if (this.touched || !map) return;
-    const [width, height] = map.size.map((n) => n * map.resolution);
-    this.centre = [map.origin[0] + width / 2, map.origin[1] + height / 2];
-    this.scale = 0.96 * Math.min(this.canvas.clientWidth / width, this.canvas.clientHeight / height) || 40;
-  }
-
-  toScreen([x, y]) {
-    return [
-      this.canvas.clientWidth / 2 + (x - this.centre[0]) * this.scale,
-      this.canvas.clientHeight / 2 - (y - this.centre[1]) * this.scale,
-    ];
-  }
-
-  toMap(px, py) {
-    return [
-      this.centre[0] + (px - this.canvas.clientWidth / 2) / this.scale,
-      this.centre[1] - (py - this.canvas.clientHeight / 2) / this.scale,
-    ];
-  }
-
-  zoom(px, py, factor) {
-    const before = this.toMap(px, py);
-    this.scale = Math.min(Math.max(this.scale * factor, 4), 600);
-    const after = this.toMap(px, py);
-    this.centre = [this.centre[0] + before[0] - after[0], this.centre[1] + before[1] - after[1]];
-    this.touched = true;
-  }
-
-  pan(dx, dy) {
-    this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale];
-    this.touched = true;
-  }
-}
-
-export function draw(view, known, aim) {
+export function draw(view, known, aim, colours) {
   const [width, height] = view.resize();
   view.fit(known.map);
-  const pen = view.context;
-  pen.clearRect(0, 0, width, height);
-  drawMap(view, known);
-  drawOverlays(view, known.info?.overlays);
-  drawScan(view, known.scan?.points);
-  drawPath(view, known.path?.positions);
+  view.context.clearRect(0, 0, width, height);
+  drawMap(view, known, colours);
+  drawGrid(view, known.map, colours);
+  drawOverlays(view, known.info?.overlays, colours);
+  drawTrail(view, known.trail, colours);
+  drawPath(view, known, colours);
+  drawScan(view, known.scan?.points, colours);
   const target = known.planning?.move_state === "moving" ? known.planning.target_poses[0] : null;
-  if (target) drawTarget(view, target.pos, target.ori, "#0b6bcb");
-  if (known.pose) drawRobot(view, known.pose, known.model?.footprint, known.planning?.stuck_state);
-  if (aim) drawTarget(view, aim.pos, aim.ori, "#d9480f");
+  if (target) drawTarget(view, target, colours.path, colours.halo);
+  if (known.pose) drawRobot(view, known, colours);
+  if (aim) drawTarget(view, aim, colours.aim, colours.halo);
+  drawScale(view, height, colours);
 }
 
-function drawMap(view, { map, image }) {
-  if (!map || !image) return;
+// The map's picture in this page's colours; what is neither occupied nor free is left out.
+export function paintMap(image, colours) {
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [image.width, image.height];
+  const pen = canvas.getContext("2d");
+  pen.drawImage(image, 0, 0);
+  const pixels = pen.getImageData(0, 0, canvas.width, canvas.height);
+  const [wall, floor] = [rgb(pen, colours.wall), rgb(pen, colours.floor)];
+  for (let at = 0; at < pixels.data.length; at += 4) {
+    const grey = pixels.data[at];
+    pixels.data.set(grey < 100 ? wall : grey > 230 ? floor : [0, 0, 0, 0], at);
+  }
+  pen.putImageData(pixels, 0, 0);
+  return canvas;
+}
+
+function rgb(pen, colour) {
+  pen.fillStyle = colour; // the browser spells it out
+  return [...pen.fillStyle.match(/[0-9a-f]{2}/gi).map((part) => parseInt(part, 16)), 255];
+}
+
+function drawMap(view, { map, painted }) {
+  if (!map || !painted) return;
   const [x, y] = view.toScreen([map.origin[0], map.origin[1] + map.size[1] * map.resolution]);
   const cell = map.resolution * view.scale;
   view.context.imageSmoothingEnabled = cell < 1;
-  view.context.drawImage(image, x, y, map.size[0] * cell, map.size[1] * cell);
+  view.context.drawImage(painted, x, y, map.size[0] * cell, map.size[1] * cell);
 }
 
-const REGIONS = { 1: "#c0352b", 2: "#e0a800", 3: "#7048e8", 13: "#12805c", 17: "#0b6bcb" };
-
-function drawOverlays(view, overlays) {
+// A line every metre, or every five where metres would be too dense.
+function drawGrid(view, map, colours) {
+  if (!map) return;
+  const step = view.scale >= 24 ? 1 : 5;
+  const [left, bottom] = map.origin;
+  const [right, top] = [left + map.size[0] * map.resolution, bottom + map.size[1] * map.resolution];
   const pen = view.context;
-  pen.font = "11px system-ui, sans-serif";
-  for (const { geometry, properties } of overlays?.features ?? []) {
-    if (geometry?.type === "Polygon") {
-      const colour = REGIONS[properties?.regionType] ?? "#66778a";
-      trace(view, geometry.coordinates[0] ?? [], true);
-      pen.fillStyle = colour + "22";
-      pen.fill();
-      stroke(pen, colour + "99", 1);
-    } else if (geometry?.type === "LineString") {
-      trace(view, geometry.coordinates, false);
-      stroke(pen, String(properties?.lineType) === "2" ? "#c0352b" : "#66778a", 2, [6, 4]);
-    } else if (geometry?.type === "Point") {
-      const [x, y] = view.toScreen(geometry.coordinates);
-      pen.fillStyle = "#0b6bcbaa";
-      pen.fillRect(x - 3, y - 3, 6, 6);
-      if (properties?.name) pen.fillText(properties.name, x + 6, y + 4);
-    }
-  }
+  pen.beginPath();
+  for (let x = Math.ceil(left / step) * step; x <= right; x += step) line(view, [x, bottom], [x, top]);
+  for (let y = Math.ceil(bottom / step) * step; y <= top; y += step) line(view, [left, y], [right, y]);
+  stroke(pen, colours.grid, 1);
 }
 
-function drawScan(view, points) {
-  view.context.fillStyle = "#d9480f";
+function line(view, begin, end) {
+  view.context.moveTo(...view.toScreen(begin));
+  view.context.lineTo(...view.toScreen(end));
+}
+
+function drawTrail(view, trail, colours) {
+  if (!trail?.length) return;
+  trace(view, trail, false);
+  stroke(view.context, colours.trail, 2, [1, 5]);
+}
+
+function drawPath(view, { path, planning }, colours) {
+  if (!path?.positions.length || planning?.move_state !== "moving") return;
+  trace(view, path.positions, false);
+  stroke(view.context, colours.halo, 6);
+  stroke(view.context, colours.path, 3);
+}
+
+function drawScan(view, points, colours) {
+  view.context.fillStyle = colours.scan;
   for (const point of points ?? []) {
     const [x, y] = view.toScreen(point);
-    view.context.fillRect(x - 1, y - 1, 2.2, 2.2);
+    view.context.fillRect(x - 1.25, y - 1.25, 2.5, 2.5);
   }
-}
-
-function drawPath(view, positions) {
-  if (!positions?.length) return;
-  trace(view, positions, false);
-  stroke(view.context, "#0b6bcb", 2.5);
 }
 
 // Footprints have x to the robot's right and y to its front.
-function drawRobot(view, { pos, ori }, footprint, stuck) {
+function drawRobot(view, { pose: { pos, ori }, model, planning, wheels }, colours) {
   const [cos, sin] = [Math.cos(ori), Math.sin(ori)];
-  const corners = (footprint ?? [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
-    .map(([right, front]) => [pos[0] + cos * front + sin * right, pos[1] + sin * front - cos * right]);
-  trace(view, corners, true);
-  view.context.fillStyle = stuck && stuck !== "none" ? "#a66300dd" : "#12805cdd";
+  const toMap = ([right, front]) => [pos[0] + cos * front + sin * right, pos[1] + sin * front - cos * right];
+  const footprint = model?.footprint ?? NO_FOOTPRINT;
+  const moving = planning?.move_state === "moving";
+  const stuck = moving && planning.stuck_state && planning.stuck_state !== "none";
+  const pen = view.context;
+  pen.lineJoin = "round";
+  trace(view, footprint.map(toMap), true);
+  stroke(pen, colours.halo, 5);
+  pen.fillStyle = wheels?.emergency_stop_pressed ? colours.stopped : stuck ? colours.warn : colours.robot;
+  pen.fill();
+  const front = 0.75 * Math.max(...footprint.map(([, y]) => y));
+  const half = 0.7 * Math.max(...footprint.map(([x]) => x));
+  trace(view, [[-half, 0], [0, front], [half, 0]].map(toMap), false);
+  stroke(pen, colours.nose, Math.max(1.5, 0.05 * view.scale));
+  // A robot smaller than a finger is ringed, so that it is found.
+  if (front * view.scale < 10) {
+    dot(view, pos, 11);
+    stroke(pen, colours.robot, 2);
+  }
+}
+
+function drawTarget(view, { pos, ori }, colour, halo) {
+  dot(view, pos, 8);
+  stroke(view.context, halo, 5);
+  stroke(view.context, colour, 2.5);
+  dot(view, pos, 2.5);
+  view.context.fillStyle = colour;
   view.context.fill();
-  stroke(view.context, "#fff", 1.5);
-  arrow(view, pos, ori, 0.3, "#fff");
+  if (ori !== undefined && ori !== null) arrow(view, pos, ori, [8, 30], colour);
 }
 
-function drawTarget(view, pos, ori, colour) {
-  const [x, y] = view.toScreen(pos);
-  view.context.beginPath();
-  view.context.arc(x, y, 7, 0, 2 * Math.PI);
-  stroke(view.context, colour, 2.5);
-  if (ori !== undefined && ori !== null) arrow(view, pos, ori, 0.6, colour);
-}
-
-function arrow(view, [x, y], ori, length, colour) {
-  const tip = [x + length * Math.cos(ori), y + length * Math.sin(ori)];
-  const barb = (turn) => [tip[0] - 0.35 * length * Math.cos(ori + turn), tip[1] - 0.35 * length * Math.sin(ori + turn)];
-  trace(view, [[x, y], tip], false);
-  stroke(view.context, colour, 2.5);
-  trace(view, [barb(0.5), tip, barb(-0.5)], false);
-  stroke(view.context, colour, 2.5);
-}
-
-function trace(view, points, closed) {
-  view.context.beginPath();
-  points.forEach((point, index) => view.context[index ? "lineTo" : "moveTo"](...view.toScreen(point)));
-  if (closed) view.context.closePath();
-}
-
-function stroke(pen, colour, width, dash = []) {
-  pen.strokeStyle = colour;
-  pen.lineWidth = width;
-  pen.setLineDash(dash);
-  pen.stroke();
-  pen.setLineDash([]);
+// A bar of a round number of metres, in the lower left corner.
+function drawScale(view, height, colours) {
+  const metres = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20].find((length) => length * view.scale >= 60) ?? 50;
+  const pen = view.context;
+  const [x, y, long] = [14, height - 14, metres * view.scale];
+  pen.beginPath();
+  pen.moveTo(x, y - 5);
+  pen.lineTo(x, y);
+  pen.lineTo(x + long, y);
+  pen.lineTo(x + long, y - 5);
+  stroke(pen, colours.halo, 5);
+  stroke(pen, colours.quiet, 1.5);
+  label(view, `${metres} m`, [x + long / 2, y - 5], colours.quiet, colours.halo);
 }

@@ -1,171 +1,145 @@
-// What the WebSocket tells is kept in `known` and drawn; clicks become moves.
-import { View, draw } from "./draw.js";
+// The page: what the WebSocket tells is kept in `known` and shown; clicks become orders.
+import { draw, paintMap } from "./draw.js";
+import { Drive, listenToMap } from "./gestures.js";
+import { at, complain, tell, tellCursor, tellHealth, tellLink, tellMoves, tellRobot } from "./panel.js";
+import { View } from "./view.js";
+import { TOPICS, Wire, ask, order } from "./wire.js";
 
-const TOPICS = {
-  "/map": "map", "/map/info": "info", "/tracked_pose": "pose", "/path": "path", "/planning_state": "planning",
-  "/scan_matched_points2": "scan", "/robot_model": "model", "/motion_metrics": "motion", "/slam/state": "slam",
-  "/battery_state": "battery", "/wheel_state": "wheels", "/jack_state": "jack", "/alerts": "alerts",
-};
-const MOVE_LOOKS = { moving: "busy", succeeded: "good", failed: "bad", cancelled: "warn" };
-const secret = new URLSearchParams(location.search).get("secret");
-
-const at = (id) => document.getElementById(id);
-const show = (id, text) => { if (at(id).textContent !== text) at(id).textContent = text; };
-const badge = (id, text, look = "") => { show(id, text); at(id).className = `badge ${look}`; };
-const metres = (value) => `${value.toFixed(2)} m`;
-const degrees = (radians) => `${(radians * 180 / Math.PI).toFixed(0)}°`;
-const place = (pose) => `${pose.pos[0].toFixed(2)}, ${pose.pos[1].toFixed(2)} · ${degrees(pose.ori)}`;
+const HEALTH_PERIOD = 2000; // ms
+const RETRY = 2000; // ms
+const LAST_MOVES = 6;
+const TRAIL_STEP = 0.05; // metres
+const TRAIL_LENGTH = 2000; // points
+const COLOURS = [
+  "floor", "wall", "grid", "halo", "robot", "nose", "path", "trail", "scan", "aim", "label", "forbidden", "slow", "lift",
+  "rack", "charger",
+];
 
 const view = new View(at("map"));
-const known = {};
+const known = { trail: [] };
+let colours = readColours();
 let aim = null;
 let redraw = false;
+
+function readColours() {
+  const style = getComputedStyle(document.documentElement);
+  const named = Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]));
+  const others = { quiet: "--quiet", warn: "--warn", stopped: "--stop" };
+  for (const [name, variable] of Object.entries(others)) named[name] = style.getPropertyValue(variable).trim();
+  return named;
+}
 
 function changed() {
   if (redraw) return;
   redraw = true;
-  requestAnimationFrame(() => { redraw = false; draw(view, known, aim); tell(); });
-}
-
-function connect() {
-  const query = secret ? `?secret=${encodeURIComponent(secret)}` : "";
-  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws/v2/topics${query}`);
-  socket.onopen = () => {
-    badge("link", "live", "good");
-    socket.send(JSON.stringify({ enable_topic: Object.keys(TOPICS) }));
-  };
-  socket.onmessage = ({ data }) => hear(JSON.parse(data));
-  socket.onclose = () => { badge("link", "no connection", "bad"); setTimeout(connect, 1000); };
+  requestAnimationFrame(() => {
+    redraw = false;
+    draw(view, known, aim, colours);
+    tell(known);
+  });
 }
 
 function hear(message) {
   const name = TOPICS[message.topic];
-  if (!name) return;
-  known[name] = message;
-  if (name === "map") loadMap(message);
-  changed();
+  if (name) {
+    const before = known[name];
+    known[name] = message;
+    if (name === "map") loadMap(message);
+    if (name === "planning") hearPlanning(before, message);
+    if (name === "pose") extendTrail(message.pos);
+    changed();
+  } else if (message.topic === "/twist_feedback") {
+    drive.answered();
+  } else if (message.topic === "/error") {
+    drive.answered();
+    complain(message.detail);
+  }
+}
+
+function hearPlanning(before, now) {
+  const fresh = before?.action_id !== now.action_id;
+  if (fresh && now.move_state === "moving") known.trail = [];
+  known.longest = Math.max(fresh ? 0 : known.longest, now.remaining_distance);
+  if (fresh || before.move_state !== now.move_state) loadMoves();
+}
+
+function extendTrail(pos) {
+  const last = known.trail.at(-1);
+  if (last && Math.hypot(pos[0] - last[0], pos[1] - last[1]) < TRAIL_STEP) return;
+  known.trail.push(pos);
+  if (known.trail.length > TRAIL_LENGTH) known.trail.shift();
 }
 
 function loadMap(message) {
   const image = new Image();
-  image.onload = () => { if (known.map === message) { known.image = image; changed(); } };
+  image.onload = () => {
+    if (known.map !== message) return; // another came meanwhile
+    known.image = image;
+    known.painted = paintMap(image, colours);
+    changed();
+  };
   image.src = `data:image/png;base64,${message.data}`;
+  document.documentElement.style.setProperty("--aspect", message.size.join(" / "));
 }
 
-function tell() {
-  const { planning, pose, motion, slam, wheels, jack, battery, alerts } = known;
-  if (planning) tellMove(planning);
-  if (pose) show("pose", place(pose));
-  if (motion) show("speed", `${motion.linear_velocity.toFixed(2)} m/s · ${degrees(motion.angular_velocity)}/s`);
-  if (slam) show("slam", slam.reliable ? `yes (${slam.position_quality}/10)` : `no (${slam.position_quality}/10)`);
-  if (wheels) show("mode", wheels.control_mode + (wheels.emergency_stop_pressed ? " · EMERGENCY STOP" : ""));
-  if (jack) show("jack", `${jack.state} · ${(jack.progress * 100).toFixed(0)} %`);
-  if (battery) {
-    show("battery", `${(battery.percentage * 100).toFixed(0)} % · ${battery.power_supply_status}`);
-    at("charge").value = battery.percentage;
+async function loadMoves() {
+  const { ok, answer } = await ask("GET", `/chassis/moves?limit=${LAST_MOVES}`).catch(() => ({}));
+  if (!ok) {
+    setTimeout(loadMoves, RETRY);
+    return;
   }
-  if (alerts) list("alerts", alerts.alerts.map(({ code, level, msg }) => [level, `${code} ${msg}`]));
+  known.moves = answer;
+  tellMoves(answer);
+  changed();
 }
 
-function tellMove(planning) {
-  const moving = planning.move_state === "moving";
-  badge("move-state", planning.move_state, MOVE_LOOKS[planning.move_state]);
-  show("move-id", planning.action_id ? `#${planning.action_id}` : "");
-  show("move-type", planning.action_type);
-  show("move-target", planning.target_poses.length ? place(planning.target_poses[0]) : "–");
-  show("move-left", moving ? metres(planning.remaining_distance) : "–");
-  const reason = planning.move_state === "failed" ? `${planning.fail_reason} ${planning.fail_reason_str}` : "";
-  show("move-note", moving && planning.stuck_state !== "none" ? "blocked" : reason);
-  at("cancel").disabled = !moving;
+async function loadHealth() {
+  const { answer } = await ask("GET", "/healthz").catch(() => ({}));
+  tellHealth(answer?.services ? answer : null);
 }
 
-function list(id, rows) {
-  at(id).replaceChildren(...rows.map(([look, text]) => {
-    const row = document.createElement("li");
-    row.className = look;
-    row.textContent = text;
-    return row;
-  }));
+async function command(method, path, body) {
+  complain(await order(method, path, body));
 }
 
-async function ask(method, path, body) {
-  const headers = { "Content-Type": "application/json", Accept: "application/json" };
-  if (secret) headers.Secret = secret;
-  const response = await fetch(path, { method, headers, body: body && JSON.stringify(body) });
-  const answer = await response.json().catch(() => null);
-  return { ok: response.ok, status: response.status, answer };
+function link(connected) {
+  tellLink(connected);
+  if (!connected) return;
+  for (const name of Object.keys(known)) delete known[name]; // it may be another cell by now
+  known.trail = [];
+  ask("GET", "/device/info/brief").then(({ ok, answer }) => ok && tellRobot(answer)).catch(() => {});
 }
 
-async function order(method, path, body) {
-  try {
-    const { ok, status, answer } = await ask(method, path, body);
-    show("message", ok ? "" : `${status}: ${answer?.detail ?? answer ?? "refused"}`);
-  } catch {
-    show("message", "the gateway does not answer");
-  }
-}
-
-async function health() {
-  try {
-    const { answer } = await ask("GET", "/healthz");
-    badge("health", answer.status, answer.status === "up" ? "good" : "bad");
-    at("services").replaceChildren(...answer.services.map((row) => {
-      const item = document.createElement("li");
-      const light = document.createElement("i");
-      light.className = row.status;
-      const note = document.createElement("span");
-      note.className = "quiet";
-      note.textContent = row.status + (row.restarts ? ` · restarted ${row.restarts}×` : "");
-      item.append(light, `${row.robot}/${row.service}`, note);
-      return item;
-    }));
-  } catch {
-    badge("health", "unknown", "bad");
-  }
-}
-
-function spot(event) {
-  const box = view.canvas.getBoundingClientRect();
-  return [event.clientX - box.left, event.clientY - box.top];
-}
-
-let pressed = null;
-let panning = null;
-view.canvas.addEventListener("pointerdown", (event) => {
-  view.canvas.setPointerCapture(event.pointerId);
-  if (event.button === 0) { pressed = spot(event); aim = { pos: view.toMap(...pressed) }; }
-  else { panning = spot(event); }
+listenToMap(view, {
+  onAim: (now) => { aim = now; changed(); },
+  onGo: ({ pos: [x, y], ori }) => {
+    const move = { creator: "gateway page", type: "standard", target_x: x, target_y: y };
+    command("POST", "/chassis/moves", ori === undefined ? move : { ...move, target_ori: ori });
+  },
+  onView: changed,
+  onHover: tellCursor,
+});
+at("zoom-in").addEventListener("click", () => { view.zoomAtCentre(1.4); changed(); });
+at("zoom-out").addEventListener("click", () => { view.zoomAtCentre(1 / 1.4); changed(); });
+at("zoom-fit").addEventListener("click", () => { view.touched = false; changed(); });
+at("cancel").addEventListener("click", () => command("PATCH", "/chassis/moves/current", { state: "cancelled" }));
+at("stop").addEventListener("click", () => {
+  command("POST", "/services/wheel_control/set_emergency_stop", { enable: !known.wheels?.emergency_stop_pressed });
+});
+at("modes").addEventListener("click", ({ target }) => {
+  const mode = target.dataset.mode;
+  if (mode) command("POST", "/services/wheel_control/set_control_mode", { control_mode: mode });
+});
+at("toast-close").addEventListener("click", () => complain(""));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+  colours = readColours();
+  if (known.image) known.painted = paintMap(known.image, colours);
   changed();
 });
-view.canvas.addEventListener("pointermove", (event) => {
-  const now = spot(event);
-  if (panning) { view.pan(now[0] - panning[0], now[1] - panning[1]); panning = now; changed(); }
-  if (!pressed) return;
-  const far = Math.hypot(now[0] - pressed[0], now[1] - pressed[1]) > 12;
-  aim.ori = far ? Math.atan2(pressed[1] - now[1], now[0] - pressed[0]) : undefined;
-  changed();
-});
-view.canvas.addEventListener("pointerup", () => {
-  panning = null;
-  if (!pressed) return;
-  const move = { creator: "gateway page", type: "standard", target_x: aim.pos[0], target_y: aim.pos[1] };
-  if (aim.ori !== undefined) move.target_ori = aim.ori;
-  pressed = aim = null;
-  order("POST", "/chassis/moves", move);
-  changed();
-});
-view.canvas.addEventListener("pointercancel", () => { pressed = aim = panning = null; changed(); });
-view.canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-view.canvas.addEventListener("wheel", (event) => {
-  event.preventDefault();
-  view.zoom(...spot(event), Math.exp(-event.deltaY / 500));
-  changed();
-}, { passive: false });
-at("cancel").addEventListener("click", () => order("PATCH", "/chassis/moves/current", { state: "cancelled" }));
 new ResizeObserver(changed).observe(view.canvas);
 
-ask("GET", "/device/info/brief").then(({ answer }) => show("robot", `${answer.device.name} · ${answer.device.model}`)).catch(() => {});
-setInterval(health, 2000);
-health();
-connect();
+const wire = new Wire(hear, link);
+const drive = new Drive(at("pad"), () => known.wheels?.control_mode === "remote", (twist) => wire.send(twist));
+setInterval(loadHealth, HEALTH_PERIOD);
+loadHealth();
 changed();

@@ -1,0 +1,140 @@
+// What is known, in words: fills the elements of the page, and only those that changed.
+
+const LOOKS = { moving: "busy", succeeded: "good", failed: "bad", cancelled: "warn" };
+const STUCK = { move_stucked: "Something is in the way.", target_spin_stucked: "No room to turn to the heading." };
+const TOAST = 8000; // ms
+
+export const at = (id) => document.getElementById(id);
+const show = (id, text) => { if (at(id).textContent !== text) at(id).textContent = text; };
+const hide = (id, hidden) => { if (at(id).hidden !== hidden) at(id).hidden = hidden; };
+const dress = (id, look) => { if (at(id).className !== look) at(id).className = look; };
+const badge = (id, text, look = "") => { show(id, text); dress(id, `badge ${look}`.trim()); };
+
+const number = (value, digits) => (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits);
+const degrees = (radians) => `${number((radians * 180) / Math.PI, 0)}°`;
+const place = ({ pos, ori }) => `${number(pos[0], 2)}, ${number(pos[1], 2)} m · ${degrees(ori)}`;
+const words = (name) => name.replaceAll("_", " ");
+
+export function tell(known) {
+  const { planning, pose, motion, slam, wheels, jack, battery, alerts } = known;
+  if (planning) tellMove(known);
+  if (pose) show("pose", place(pose));
+  if (motion) show("speed", `${number(motion.linear_velocity, 2)} m/s · ${degrees(motion.angular_velocity)}/s`);
+  if (slam) {
+    show("slam", `${slam.reliable ? "yes" : "no"} (${slam.position_quality} of 10)`);
+    dress("slam", slam.reliable ? "" : "bad");
+  }
+  if (wheels) tellWheels(wheels);
+  if (jack) show("jack", `${words(jack.state)} · ${number(jack.progress * 100, 0)} % up`);
+  if (battery) {
+    show("battery", `${number(battery.percentage * 100, 0)} % · ${battery.power_supply_status}`);
+    at("charge").value = battery.percentage;
+  }
+  if (alerts) fill("alerts", alerts.alerts.map(({ code, level, msg }) => row([`${code}: ${msg}`], level)));
+}
+
+function tellMove({ planning, longest, moves }) {
+  const moving = planning.move_state === "moving";
+  badge("move-state", planning.move_state, LOOKS[planning.move_state]);
+  show("move-id", planning.action_id ? `#${planning.action_id}` : "");
+  show("move-type", words(planning.action_type));
+  show("move-target", planning.target_poses.length ? place(planning.target_poses[0]) : "–");
+  show("move-left", moving ? `${number(planning.remaining_distance, 2)} m` : "–");
+  at("move-progress").value = moving
+    ? (longest ? 1 - planning.remaining_distance / longest : 0) : Number(planning.move_state === "succeeded");
+  const blocked = moving && planning.stuck_state !== "none";
+  const failed = planning.move_state === "failed";
+  const record = moves?.find(({ id }) => id === planning.action_id);
+  show("move-note", blocked ? (STUCK[planning.stuck_state] ?? words(planning.stuck_state)) : failed ? reason(record ?? planning) : "");
+  dress("move-note", blocked ? "warn" : "");
+  hide("move-note", !(blocked || failed));
+  at("cancel").disabled = !moving;
+}
+
+// "15 move timeout: blocked for 30 s" of a move's record, or of a planning state, which has no message.
+function reason({ fail_reason, fail_reason_str, fail_message }) {
+  const name = words(fail_reason_str.replace("MoveFailReason::", "").split(" - ")[0]);
+  return `${fail_reason} ${name}${fail_message ? `: ${fail_message}` : ""}`;
+}
+
+function tellWheels({ control_mode, emergency_stop_pressed: pressed }) {
+  for (const button of at("modes").children) {
+    button.classList.toggle("chosen", button.dataset.mode === control_mode);
+    button.setAttribute("aria-pressed", button.dataset.mode === control_mode);
+  }
+  hide("pad", control_mode !== "remote");
+  hide("stopped", !pressed);
+  at("stop").disabled = false;
+  dress("stop", pressed ? "stop pressed" : "stop");
+  show("stop", pressed ? "Release the stop" : "Emergency stop");
+}
+
+export function tellLink(connected) {
+  badge("link", connected ? "live" : "no connection", connected ? "good" : "bad");
+  document.body.classList.toggle("offline", !connected);
+}
+
+export function tellHealth(health) {
+  badge("health", health?.status ?? "unknown", health?.status === "up" ? "good" : "bad");
+  if (!health) return;
+  fill("services", health.services.map(({ robot, service, status, restarts }) =>
+    row([light(status), text(`${robot}/${service}`), small(status + (restarts ? ` · restarted ${restarts}×` : ""))])));
+}
+
+export function tellMoves(moves) {
+  if (!moves.length) return;
+  fill("moves", moves.map((move) => {
+    const seconds = move.last_modified_time - move.create_time;
+    const end = { moving: "moving", failed: reason(move) }[move.state] ?? `${move.state} · ${seconds} s`;
+    const item = row([light(LOOKS[move.state] ?? ""), text(`#${move.id} ${words(move.type)}`), small(end)]);
+    item.title = end;
+    return item;
+  }));
+}
+
+export function tellRobot({ device }) {
+  show("robot", `${device.name} · ${device.model}`);
+}
+
+export function tellCursor(point) {
+  show("cursor", point ? `${number(point[0], 2)}, ${number(point[1], 2)} m` : "");
+}
+
+let toast = 0;
+export function complain(what) {
+  show("toast-text", what);
+  hide("toast", !what);
+  clearTimeout(toast);
+  if (what) toast = setTimeout(complain, TOAST, "");
+}
+
+function fill(id, rows) {
+  const list = at(id);
+  if (list.children.length === rows.length && rows.every((item, i) => item.isEqualNode(list.children[i]))) return;
+  list.replaceChildren(...rows);
+}
+
+function row(parts, look = "") {
+  const item = document.createElement("li");
+  item.append(...parts);
+  if (look) item.className = look;
+  return item;
+}
+
+function light(look) {
+  const lamp = document.createElement("i");
+  lamp.className = look;
+  return lamp;
+}
+
+function text(words, kind = "span") {
+  const part = document.createElement(kind);
+  part.textContent = words;
+  return part;
+}
+
+function small(words) {
+  const note = text(words, "small");
+  note.className = "quiet";
+  return note;
+}

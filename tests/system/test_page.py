@@ -1,0 +1,165 @@
+"""The page in a real browser, over a real cell: it shows, drives and cancels, and loads nothing from elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.gateway.browser import browser, wait_until
+from tests.system.cell import Cell
+
+PATIENCE = 60_000  # ms; bounds on hanging, nothing is measured by them
+NEAR = (5.2, 3.0)  # in the aisle below the shelves, not far from where the robot starts
+FAR = (15.0, 10.3)  # in the other half of the hall
+
+# Every state the page shows of a move, in order: what shows for a moment only would be missed by looking now and then.
+RECORD = """
+addEventListener("DOMContentLoaded", () => {
+  const badge = document.getElementById("move-state");
+  window.shown = [];
+  if (!badge) return;
+  const note = () => shown.push(badge.textContent);
+  new MutationObserver(note).observe(badge, { childList: true, characterData: true, subtree: true });
+});
+"""
+# A share of the canvas has the walls' colour.
+WALLS_ARE_DRAWN = """() => {
+  const canvas = document.getElementById("map");
+  const wall = getComputedStyle(document.documentElement).getPropertyValue("--map-wall").trim();
+  const rgb = [1, 3, 5].map((at) => parseInt(wall.slice(at, at + 2), 16));
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  let walls = 0;
+  for (let at = 0; at < data.length; at += 4) walls += rgb.every((value, i) => data[at + i] === value);
+  return walls > 0.02 * canvas.width * canvas.height;
+}"""
+expect.set_options(timeout=PATIENCE)
+
+
+@dataclass
+class Watched:
+    """A page, and what it did that it should not have."""
+
+    page: Page
+    errors: list[str] = field(default_factory=list)
+    hosts: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.page.set_default_timeout(PATIENCE)
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("console", lambda text: self.errors.append(text.text) if text.type == "error" else None)
+        self.page.on("request", lambda request: self._seen(request.url))
+        self.page.on("websocket", lambda socket: self._seen(socket.url))
+        self.page.add_init_script(RECORD)
+
+    def _seen(self, url: str) -> None:
+        if not url.startswith("data:"):
+            self.hosts.add(urlsplit(url).netloc)
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
+    """In real time nearly, so that a move can be watched, and cancelled while it runs."""
+    with Cell(tmp_path_factory.mktemp("cell"), "--world", "warehouse", "--speed", "2") as cell:
+        yield cell
+
+
+@pytest.fixture
+def watched(cell: Cell) -> Iterator[Watched]:
+    with browser() as chromium:
+        page = chromium.new_page(viewport={"width": 1280, "height": 800}, locale="en-GB")
+        watched = Watched(page)
+        page.goto(cell.http + "/")
+        expect(page.locator("#link")).to_have_text("live")
+        expect(page.locator("#pose")).to_contain_text("m ·")
+        yield watched
+
+
+def click_on_map(page: Page, point: tuple[float, float]) -> None:
+    """Click where the page draws a point of the map. It shows all of the map, as fits."""
+    spot: list[float] = page.evaluate(
+        """async (point) => {
+             const socket = new WebSocket(`ws://${location.host}/ws/v2/topics`);
+             socket.onopen = () => socket.send('{"enable_topic": "/map"}');
+             const map = await new Promise((resolve) => {
+               socket.onmessage = ({ data }) => {
+                 const message = JSON.parse(data);
+                 if (message.topic === "/map") resolve(message);
+               };
+             });
+             socket.close();
+             const { View } = await import("/page/view.js");
+             const view = new View(document.getElementById("map"));
+             view.fit(map);
+             return view.toScreen(point);
+           }""",
+        list(point),
+    )
+    page.locator("#map").click(position={"x": spot[0], "y": spot[1]})
+
+
+def newest_move(cell: Cell) -> dict[str, Any]:
+    http = httpx.Client(base_url=cell.http, trust_env=False, timeout=PATIENCE / 1000)
+    with http:
+        newest = http.get("/chassis/moves?limit=1").raise_for_status().json()[0]["id"]
+        return dict(http.get(f"/chassis/moves/{newest}").raise_for_status().json())
+
+
+def test_it_shows_the_robot_and_loads_nothing_from_elsewhere(cell: Cell, watched: Watched) -> None:
+    page = watched.page
+    expect(page.locator("#robot")).to_contain_text("amr1")
+    expect(page.locator("#battery")).to_contain_text("%")
+    expect(page.locator("#health")).to_have_text("up")
+    expect(page.locator("#modes .chosen")).to_have_text("auto")
+    expect(page.locator("#services li")).to_have_count(4)
+    wait_until(page, f"({WALLS_ARE_DRAWN})()")
+    assert watched.errors == []
+    assert watched.hosts == {urlsplit(cell.http).netloc}
+
+
+def test_the_documentation_works_without_a_network(cell: Cell, watched: Watched) -> None:
+    watched.page.goto(cell.http + "/docs")
+    expect(watched.page.get_by_text("Create Move")).to_be_visible()
+    assert watched.errors == []
+    assert watched.hosts == {urlsplit(cell.http).netloc}
+
+
+def test_a_click_drives_there(cell: Cell, watched: Watched) -> None:
+    page = watched.page
+    click_on_map(page, NEAR)
+    wait_until(page, "shown.includes('moving') && shown.lastIndexOf('succeeded') > shown.indexOf('moving')")
+    move = newest_move(cell)
+    assert (move["creator"], move["type"], move["state"]) == ("gateway page", "standard", "succeeded")
+    assert [move["target_x"], move["target_y"]] == pytest.approx(NEAR, abs=0.05)
+    expect(page.locator("#move-id")).to_have_text(f"#{move['id']}")
+    expect(page.locator("#moves li").first).to_contain_text("succeeded")
+    assert watched.errors == []
+
+
+def test_the_button_cancels_and_the_stop_holds(cell: Cell, watched: Watched) -> None:
+    page = watched.page
+    click_on_map(page, FAR)
+    expect(page.locator("#move-state")).to_have_text("moving")
+    page.locator("#stop").click()
+    expect(page.locator("#stopped")).to_be_visible()
+    expect(page.locator("#stop")).to_have_text("Release the stop")
+    page.locator("#stop").click()
+    expect(page.locator("#stopped")).to_be_hidden()
+    page.locator("#cancel").click()
+    expect(page.locator("#move-state")).to_have_text("cancelled")
+    expect(page.locator("#cancel")).to_be_disabled()
+    assert newest_move(cell)["state"] == "cancelled"
+
+
+def test_what_is_refused_is_told(cell: Cell, watched: Watched) -> None:
+    page = watched.page
+    page.route("**/chassis/moves", lambda route: route.continue_(post_data='{"type": "standard"}'))
+    click_on_map(page, NEAR)
+    expect(page.locator("#toast")).to_contain_text("must be provided")
+    page.locator("#toast-close").click()
+    expect(page.locator("#toast")).to_be_hidden()
