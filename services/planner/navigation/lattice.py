@@ -28,7 +28,7 @@ TURN_COST = 0.35  # per radian on the spot
 FIRST_STEPS = 6  # straight steps with the start's own heading, before turning to one of the lattice
 RELAXED_SLOPE = 0.15  # clearance asked for beyond that of start or goal, per metre from there
 
-FOUND, EXHAUSTED, CUT_SHORT = 0, 1, 2
+FOUND, EXHAUSTED, CUT_SHORT, RUNNING = 0, 1, 2, 3
 
 
 @compiled
@@ -76,33 +76,66 @@ def rest_is_free(
     return bool(free >= need)
 
 
-@compiled
-def search(
-    distance: Field, cost: Field, x0: float, y0: float, resolution: float, samples: Array, inscribed: float,
-    circumscribed: float, start: Array, goal: Array, any_yaw: bool, margins: Array, comfort: float, weight: float,
-    greed: float, max_expansions: int,
-) -> tuple[int, Array, float, int]:  # fmt: skip
-    """Returns the outcome (FOUND, EXHAUSTED, CUT_SHORT), rows x, y, yaw, direction of travel to there (1, -1, 0 for a
-    turn on the spot), the direction of the rest that leads from the last row to the goal, and the states expanded.
-    The first row is where the way from the start, straight with the start's heading, ends.
+class Search:
+    """A search that is carried on in slices, so that no control tick waits for a long one.
 
     ``margins``: clearance asked for in general, at the start, at the goal. ``cost`` is the heuristic (cost to go of a
     circle); ``greed`` its weight.
     """
-    rows = math.ceil(distance.shape[0] * resolution / BIN) + 1
-    columns = math.ceil(distance.shape[1] * resolution / BIN) + 1
-    states = rows * columns * HEADINGS
-    spent = np.full(states, np.inf, dtype=np.float32)
-    parent = np.full(states, -1, dtype=np.int32)
-    closed = np.zeros(states, dtype=np.bool_)
-    position = np.empty((states, 2), dtype=np.float32)
-    travel = np.zeros(states, dtype=np.int8)
-    keys = np.empty(7 * min(max_expansions, states) + 64, dtype=np.float64)
-    items = np.empty(keys.size, dtype=np.int64)
 
+    def __init__(
+        self, distance: Field, cost: Field, corner: tuple[float, float], resolution: float, samples: Array,
+        radii: tuple[float, float], start: Array, goal: Array, any_yaw: bool, margins: Array, comfort: float,
+        weight: float, greed: float, max_expansions: int,
+    ) -> None:  # fmt: skip
+        rows, columns = (math.ceil(n * resolution / BIN) + 1 for n in distance.shape)
+        states = rows * columns * HEADINGS
+        self._max_expansions = max_expansions
+        spent = np.full(states, np.inf, dtype=np.float32)
+        self._parent = np.full(states, -1, dtype=np.int32)
+        closed = np.zeros(states, dtype=np.bool_)
+        self._position = np.empty((states, 2), dtype=np.float32)
+        self._travel = np.zeros(states, dtype=np.int8)
+        keys = np.empty(7 * min(max_expansions, states) + 64, dtype=np.float64)
+        items = np.empty(keys.size, dtype=np.int64)
+        self._memory = (spent, self._parent, closed, self._position, self._travel, keys, items)
+        self._problem = (
+            distance, cost, *corner, resolution, samples, *radii, start, goal, any_yaw, margins, comfort, weight, greed,
+        )  # fmt: skip
+        self.expanded = 0
+        self._size = _begin(
+            distance, *corner, resolution, samples, radii[1], start, goal, margins, columns, spent, self._position,
+            self._travel, keys, items,
+        )  # fmt: skip
+        self._columns = columns
+        self._last, self._direction = -1, 1.0
+
+    def run(self, expansions: int) -> int:
+        """Expand so many more states: RUNNING, FOUND, EXHAUSTED, or CUT_SHORT by ``max_expansions``."""
+        until = min(self.expanded + expansions, self._max_expansions)
+        outcome, self._size, self.expanded, self._last, self._direction = _expand(
+            *self._problem, self._columns, *self._memory, self._size, self.expanded, until
+        )
+        over = outcome == RUNNING and self.expanded >= self._max_expansions
+        return CUT_SHORT if over else int(outcome)
+
+    def way(self) -> tuple[Array, float]:
+        """What was found: rows x, y, yaw, direction of travel to there (1, -1, 0 for a turn on the spot), and the
+        direction of the rest that leads from the last row to the goal. The first row is where the way from the start,
+        straight with the start's heading, ends.
+        """
+        return _trace(self._parent, self._position, self._travel, self._last), self._direction
+
+
+@compiled
+def _begin(
+    distance: Field, x0: float, y0: float, resolution: float, samples: Array, circumscribed: float, start: Array,
+    goal: Array, margins: Array, columns: int, spent: NDArray[np.float32], position: NDArray[np.float32],
+    travel: NDArray[np.int8], keys: Array, items: NDArray[np.int64],
+) -> int:  # fmt: skip
+    """Puts the states that are reached straight from the start into the heap; returns its size."""
     heading = round(start[2] / TURN) % HEADINGS
     size = 0
-    expanded = 0
     for gear in (1.0, -1.0):
         for n in range(FIRST_STEPS + 1):
             x = start[0] + gear * n * STEP * math.cos(start[2])
@@ -120,10 +153,22 @@ def search(
             position[first, 0], position[first, 1] = x, y
             travel[first] = int(gear) if n > 0 else 0
             size = push(keys, items, size, price, first)
+    return size
+
+
+@compiled
+def _expand(
+    distance: Field, cost: Field, x0: float, y0: float, resolution: float, samples: Array, inscribed: float,
+    circumscribed: float, start: Array, goal: Array, any_yaw: bool, margins: Array, comfort: float, weight: float,
+    greed: float, columns: int, spent: NDArray[np.float32], parent: NDArray[np.int32], closed: NDArray[np.bool_],
+    position: NDArray[np.float32], travel: NDArray[np.int8], keys: Array, items: NDArray[np.int64], size: int,
+    expanded: int, until: int,
+) -> tuple[int, int, int, int, float]:  # fmt: skip
+    """A* from where the memory stands. Returns outcome, heap size, states expanded, the last state, its direction."""
     state = np.empty(3)
     while size > 0:
-        if expanded >= max_expansions:
-            return CUT_SHORT, np.empty((0, 4)), 1.0, expanded
+        if expanded >= until:
+            return RUNNING, size, expanded, -1, 1.0
         size = pop(keys, items, size)
         index = items[size]
         if closed[index]:
@@ -141,7 +186,7 @@ def search(
                     distance, x0, y0, resolution, samples, circumscribed, state, start, goal, any_yaw, margins,
                     direction,
                 ):  # fmt: skip
-                    return FOUND, _trace(parent, position, travel, index), direction, expanded
+                    return FOUND, size, expanded, index, direction
         for move in range(8):
             gear, turn = _MOVES[move, 0], _MOVES[move, 1]
             new_heading = (heading + int(turn)) % HEADINGS
@@ -183,9 +228,9 @@ def search(
                 position[there, 0], position[there, 1] = x, y
                 travel[there] = int(gear)
                 if size >= keys.size:
-                    return CUT_SHORT, np.empty((0, 4)), 1.0, expanded
+                    return CUT_SHORT, size, expanded, -1, 1.0
                 size = push(keys, items, size, total + greed * to_go, there)
-    return EXHAUSTED, np.empty((0, 4)), 1.0, expanded
+    return EXHAUSTED, size, expanded, -1, 1.0
 
 
 _MOVES = np.array(

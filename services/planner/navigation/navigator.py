@@ -30,7 +30,6 @@ Why a move fails, and when:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +37,7 @@ from numpy.typing import NDArray
 from schemas.base import NANOSECONDS, Twist2
 from schemas.fail_reasons import MoveFailReason
 from schemas.maps import MapData
-from services.planner.interface import STANDSTILL, Goal, MoveFailed, Observation, Phase, Progress
+from services.planner.interface import STANDSTILL, Goal, MoveFailed, Observation, Progress
 from services.planner.navigation import driving, profile, safety
 from services.planner.navigation.estimator import PoseFilter
 from services.planner.navigation.footprint import Footprint
@@ -47,6 +46,7 @@ from services.planner.navigation.grid import load_map
 from services.planner.navigation.mppi import Mppi
 from services.planner.navigation.plan import GlobalPlanner, NoWay, Plan, Target
 from services.planner.navigation.route import Route
+from services.planner.navigation.run import Pending, Run
 from services.planner.navigation.se2 import Pose, wrap
 from services.planner.navigation.senses import Senses
 from services.planner.navigation.settings import NavigationSettings
@@ -58,6 +58,7 @@ from services.planner.navigation.yielding import least_gap
 PERIOD = 0.04  # s; the nominal tick
 YIELD_HOLD = 0.4  # s that making way goes on after the last reason for it
 STEPS_ASIDE = 0.5  # m from what blocks the way to what moved lately, to take them for the same
+DRIFT = 0.1  # m driven while a search went on, after which its way begins in the wrong place
 ASIDE = 0.05  # m beyond the goal's accuracy: pushed aside while turning
 NO_FIELD = np.empty((0, 0), dtype=np.float32)
 LONGEJACK_BODY = ((0.379, 0.23), (-0.369, 0.23), (-0.369, -0.23), (0.379, -0.23))
@@ -66,31 +67,6 @@ _REASONS = {
     "footprint": MoveFailReason.NO_GLOBAL_PATH,
     "budget": MoveFailReason.CALCULATION_TIMEOUT,
 }
-
-
-@dataclass
-class Run:
-    """The move that runs."""
-
-    goal: Goal
-    target: Target
-    watch: ProgressWatch
-    begun: int
-    phase: Phase = "planning"
-    route: Route | None = None
-    had_plan: bool = False
-    planned_at: int = 0
-    blocked_since: int | None = None
-    no_way_since: int | None = None
-    free: float = math.inf
-    replanned: bool = False
-    held: bool = False
-    no_way: NoWay | None = None
-    yield_until: int = 0
-
-    @property
-    def turn_only(self) -> bool:
-        return self.goal.x is None or self.goal.y is None
 
 
 class ChassisNavigator:
@@ -158,7 +134,7 @@ class ChassisNavigator:
         if turn_only:
             run.phase = "rotating"
         else:
-            self._plan_first(run, here, seen.stamp)
+            self._look_for_way(run, here, seen.stamp)
         self._run = run
 
     def tick(self, seen: Observation) -> Progress:
@@ -210,31 +186,47 @@ class ChassisNavigator:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, "no map is in use")
         return self._around
 
-    def _plan_first(self, run: Run, here: Pose, stamp: int) -> None:
-        """Plan with what is observed; if that fails, the map alone tells whether waiting can help."""
-        around = self._surroundings()
-        if self._replan(run, here, stamp):
-            return
-        try:
-            self._plan(run, here, around.static.blocked)
-        except NoWay as no_way:
-            raise MoveFailed(_REASONS[no_way.kind], no_way.text) from None
-
-    def _plan(self, run: Run, here: Pose, blocked: NDArray[np.bool_], tight: bool = False) -> Plan:
+    def _look_for_way(
+        self, run: Run, here: Pose, stamp: int, *, better_than: float = math.inf, tight: bool = False,
+        on_map: bool = False,
+    ) -> None:  # fmt: skip
+        """Begin to look for a way; most are found at once. ``on_map``: leave out what is observed."""
         if self._planner is None:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, "no map is in use")
-        return self._planner.plan(here, run.target, blocked, tight)
-
-    def _replan(self, run: Run, here: Pose, stamp: int, better_than: float = math.inf, tight: bool = False) -> bool:
-        """Look for a way now; take it if it is shorter than ``better_than``. False if there is none."""
+        around = self._surroundings()
+        blocked = around.static.blocked if on_map else around.blocked()
         run.planned_at = stamp
+        run.search = Pending(self._planner.search(here, run.target, blocked, tight), here, better_than, on_map)
+        self._search_on(run, here, stamp)
+        if run.search is not None and better_than < math.inf:
+            run.search = None  # a good way is not left for a long search
+
+    def _search_on(self, run: Run, here: Pose, stamp: int) -> None:
+        """Another slice of the search; raises ``MoveFailed`` where waiting cannot help."""
+        search = run.search
+        if search is None:
+            return
         try:
-            plan = self._plan(run, here, self._surroundings().blocked(), tight)
+            next(search.steps)
+        except StopIteration as found:
+            run.search = None
+            if search.on_map:
+                run.way_on_map = True
+            elif _away_from(search.start, here) > DRIFT:
+                self._look_for_way(run, here, stamp)
+            else:
+                self._take(run, found.value, search.better_than)
         except NoWay as no_way:
+            run.search = None
+            if search.on_map:
+                raise MoveFailed(_REASONS[no_way.kind], no_way.text) from None
             run.no_way = no_way
             if run.no_way_since is None:
                 run.no_way_since = stamp
-            return False
+            if not run.had_plan and not run.way_on_map:  # the map alone tells whether waiting can help
+                self._look_for_way(run, here, stamp, on_map=True)
+
+    def _take(self, run: Run, plan: Plan, better_than: float) -> None:
         run.no_way = run.no_way_since = None
         if plan.length < better_than:
             run.route = Route(plan)
@@ -243,15 +235,18 @@ class ChassisNavigator:
             run.had_plan = True
             run.blocked_since = None
             run.watch.renew()
-        return True
 
     def _keep_plan(self, run: Run, pose: Pose, stamp: int) -> None:
         """Have a plan; replace it when it is blocked, left behind, or much longer than need be."""
         s = self.settings
+        if run.search is not None:
+            self._search_on(run, pose, stamp)
+            self._check_patience(run, stamp)
+            return
         since = (stamp - run.planned_at) / NANOSECONDS
         if run.route is None:
             if since >= s.replan_period:
-                self._replan(run, pose, stamp)
+                self._look_for_way(run, pose, stamp)
             self._check_patience(run, stamp)
             return
         route = run.route
@@ -269,11 +264,11 @@ class ChassisNavigator:
         lost = route.current.deviation > s.off_path_distance
         stuck = run.watch.standing(stamp) > s.stuck_after and not blocked
         if (blocked or lost) and since >= s.replan_period:
-            self._replan(run, pose, stamp)
+            self._look_for_way(run, pose, stamp)
         elif stuck and since >= s.improve_period:
-            self._replan(run, pose, stamp, tight=True)
+            self._look_for_way(run, pose, stamp, tight=True)
         elif since >= s.improve_period and route.left(pose) > 1.5:
-            self._replan(run, pose, stamp, better_than=s.improve_ratio * route.left(pose))
+            self._look_for_way(run, pose, stamp, better_than=s.improve_ratio * route.left(pose))
         self._check_patience(run, stamp)
 
     def _check_patience(self, run: Run, stamp: int) -> None:
@@ -291,6 +286,8 @@ class ChassisNavigator:
         around, s = self._surroundings(), self.settings
         if self._must_give_way(run, pose, seen):
             return self._give_way(run, pose, seen)
+        if run.search is not None:
+            return STANDSTILL  # a long search is for tight places: think, then go
         if run.phase == "driving" and run.route is not None:
             stop_within = (
                 min(s.position_tolerance, 0.5 * run.goal.accuracy) if run.route.is_last else driving.SEGMENT_END
@@ -347,9 +344,8 @@ class ChassisNavigator:
     def _arrive(self, run: Run, pose: Pose, stamp: int) -> None:
         """At rest where driving or turning ended: done, turn, or go once more for what was missed."""
         if not run.turn_only and self._away(run, pose) > max(0.8 * run.goal.accuracy, 0.015):
-            run.phase = "driving"
-            if not self._replan(run, pose, stamp):
-                run.route, run.phase = None, "planning"
+            run.route, run.phase = None, "planning"
+            self._look_for_way(run, pose, stamp)
         elif run.target.yaw is not None and abs(wrap(run.target.yaw - pose[2])) > self.settings.yaw_tolerance:
             run.phase = "rotating"
         else:
@@ -418,6 +414,10 @@ class ChassisNavigator:
     def _commanded(self, command: Twist2, stamp: int) -> Twist2:
         self._command, self._commanded_at = command, stamp
         return command
+
+
+def _away_from(start: Pose, here: Pose) -> float:
+    return math.hypot(here[0] - start[0], here[1] - start[1])
 
 
 def _is_still(twist: Twist2) -> bool:

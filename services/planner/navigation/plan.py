@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,9 @@ class Plan:
         return sum(segment.length for segment in self.segments)
 
 
+Search = Generator[None, None, Plan]
+
+
 class GlobalPlanner:
     """Plans on one map for one footprint."""
 
@@ -79,7 +83,19 @@ class GlobalPlanner:
         self._settings = settings
 
     def plan(self, start: Pose, target: Target, blocked: Mask, tight: bool = False) -> Plan:
-        """Raises ``NoWay``. ``tight``: do not trust the point-like plan, search with the footprint at once."""
+        """A whole search at once; raises ``NoWay``."""
+        steps = self.search(start, target, blocked, tight)
+        while True:
+            try:
+                next(steps)
+            except StopIteration as found:
+                return cast(Plan, found.value)
+
+    def search(self, start: Pose, target: Target, blocked: Mask, tight: bool = False) -> Search:
+        """Look for a way in slices: yields while it is not done, returns the plan, raises ``NoWay``.
+
+        ``tight``: do not trust the point-like plan, search with the footprint at once.
+        """
         room = Room.of(blocked, self._g)
         row, column = self._g.cell(target.x, target.y)
         s = self._settings
@@ -99,7 +115,7 @@ class GlobalPlanner:
             plan = self._point_like(room, cost, toward, first, start, target)
             if plan is not None:
                 return plan
-        return self._with_footprint(room, cost, start, target)
+        return (yield from self._with_footprint(room, cost, start, target))
 
     def _margins(self, room: Room, start: Pose, target: Target) -> Array:
         """Clearance asked for in general, at the start, at the goal: less at the ends if they have less."""
@@ -192,18 +208,21 @@ class GlobalPlanner:
         here = np.array([x, y, start])
         return any(room.turn_clearance(self._footprint, here, t, need) >= need for t in turns)
 
-    def _with_footprint(self, room: Room, cost: Field, start: Pose, target: Target) -> Plan:
+    def _with_footprint(self, room: Room, cost: Field, start: Pose, target: Target) -> Search:
         g, f, s = self._g, self._footprint, self._settings
         goal = np.array([target.x, target.y, target.yaw or 0.0])
-        outcome, rows, direction, expanded = lattice.search(
-            room.distance, cost, g.x, g.y, g.resolution, f.samples, f.inscribed, f.circumscribed, start, goal,
+        search = lattice.Search(
+            room.distance, cost, (g.x, g.y), g.resolution, f.samples, (f.inscribed, f.circumscribed), start, goal,
             target.yaw is None, self._margins(room, start, target), s.comfort_clearance, s.clearance_weight,
             s.heuristic_weight, s.max_expansions,
         )  # fmt: skip
+        while (outcome := search.run(s.expansions_per_tick)) == lattice.RUNNING:
+            yield
         if outcome == lattice.CUT_SHORT:
-            raise NoWay("budget", f"{expanded} states expanded without a way")
+            raise NoWay("budget", f"{search.expanded} states expanded without a way")
         if outcome == lattice.EXHAUSTED:
             raise NoWay("footprint", f"a circle of {f.inscribed:.2f} m radius has a way, the body has none")
+        rows, direction = search.way()
         last = rows[-1]
         first = Segment(_line(start[:2], rows[0, :2], start[2]), bool(rows[0, 3] < 0))
         rest = straight(last[0], last[1], target.x, target.y, last[2], direction < 0)

@@ -18,6 +18,8 @@ STEP = 0.04  # s
 WORSE = 1e-6  # m; a trajectory is to blame only if it comes nearer than standing still would
 # Where something comes at the chassis anyway, getting away must not be vetoed because a corner swings out first.
 WORSE_MOVING = 0.15
+TURN_REACH = 0.5  # m that turning alone can bring a corner nearer to something beside
+TURNING_STOP = 1.0  # s that stopping a turn can take
 LOOK_ON = 0.3  # s after standstill for things that move
 
 
@@ -57,10 +59,28 @@ def _distance(body_edges: Array, pose: Pose, x: float, y: float) -> float:
 
 
 @compiled
+def _within_reach(
+    start: Pose, speed: float, hold: float, lag: float, decel: float, obstacles: Array, body_edges: Array
+) -> Array:
+    """The obstacles that can matter: nearer than the stop is long and than they come in that time."""
+    duration = hold + 3.0 * lag + speed / decel + TURNING_STOP + LOOK_ON
+    reach = TURN_REACH + speed * (hold + 3.0 * lag) + speed * speed / (2.0 * decel)
+    kept = np.empty_like(obstacles)
+    n = 0
+    for k in range(obstacles.shape[0]):
+        coming = math.hypot(obstacles[k, 2], obstacles[k, 3]) * duration + obstacles[k, 4]
+        if _distance(body_edges, start, obstacles[k, 0], obstacles[k, 1]) < reach + coming:
+            kept[n] = obstacles[k]
+            n += 1
+    return kept[:n]
+
+
+@compiled
 def _braking_is_free(
     start: Pose, v: float, w: float, v_command: float, w_command: float, hold: float, lag: float, decel: float,
     turn_decel: float, obstacles: Array, body_edges: Array,
 ) -> bool:  # fmt: skip
+    obstacles = _within_reach(start, max(abs(v), abs(v_command)), hold + lag, lag, decel, obstacles, body_edges)
     pose = start.copy()
     time = 0.0
     still = 0.0

@@ -77,6 +77,7 @@ class NavigationSettings:
     comfort_clearance: float = 0.5  # beyond the inscribed circle; nearer costs more
     clearance_weight: float = 4.0
     max_expansions: int = 3_000_000
+    expansions_per_tick: int = 5_000  # of a search with the footprint; about 20 ms
     heuristic_weight: float = 1.3
 
     # driving

@@ -1,0 +1,49 @@
+"""What is known of the move that runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from services.planner.interface import Goal, Phase
+from services.planner.navigation.plan import NoWay, Search, Target
+from services.planner.navigation.route import Route
+from services.planner.navigation.se2 import Pose
+from services.planner.navigation.watch import ProgressWatch
+
+
+@dataclass(frozen=True)
+class Pending:
+    """A search that goes on: from where, what it must beat, and whether it leaves out what is observed."""
+
+    steps: Search
+    start: Pose
+    better_than: float
+    on_map: bool
+
+
+@dataclass
+class Run:
+    """The move that runs."""
+
+    goal: Goal
+    target: Target
+    watch: ProgressWatch
+    begun: int
+    phase: Phase = "planning"
+    route: Route | None = None
+    had_plan: bool = False
+    planned_at: int = 0
+    blocked_since: int | None = None
+    no_way_since: int | None = None
+    search: Pending | None = None
+    way_on_map: bool = False
+    free: float = math.inf
+    replanned: bool = False
+    held: bool = False
+    no_way: NoWay | None = None
+    yield_until: int = 0
+
+    @property
+    def turn_only(self) -> bool:
+        return self.goal.x is None or self.goal.y is None
