@@ -20,7 +20,7 @@ from services.sim.fence import Fence
 # The servo's poles, rad/s: fast beside any motion, slow beside its period of 1 ms.
 BANDWIDTH = 100.0
 # A joint that is held back drags its reference along at this distance (rad), instead of winding up.
-MAX_ERROR = 0.1
+MAX_ERROR = 0.05
 # Commands come each 2 … 20 ms (s); before the second one has come, the interval is taken to be this.
 SHORTEST, LONGEST, FIRST_INTERVAL = 0.002, 0.02, 0.004
 
@@ -62,11 +62,12 @@ class Arm:
         self._step = float(model.opt.timestep)
         data.qpos[self._qpos] = home
         self._torque = np.zeros(self.n)
-        # Where the reference is, the difference of its last two positions over time, what it follows, and since when.
-        self._reference = Motion(np.array(home), np.zeros(self.n))
-        self._rate = self._reference.velocity
-        self._segment: Segment = reference.braking(self._reference, self.limits, self._step)
+        # Where the reference is, the difference of its last two positions over time, what it
+        # follows and since when, and which joints it had to wait for.
+        self._position, self._rate = np.array(home), np.zeros(self.n)
+        self._segment: Segment = reference.braking(Motion(self._position, self._rate), self.limits, self._step)
         self._time = 0.0
+        self._held_back = np.zeros(self.n, dtype=bool)
 
     @property
     def n(self) -> int:
@@ -85,8 +86,8 @@ class Arm:
                   if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT}  # fmt: skip
         self._motors = np.array([motors[joint] for joint in joints])
         # The arm is a serial chain, so that its rows of the sparse mass matrix are a dense lower triangle.
-        start, self._lower = int(model.M_rowadr[dof]), np.tril_indices(self.n)
-        self._triangle = slice(start, start + len(self._lower[0]))
+        lower, self._mass_entries = np.tril_indices(self.n), np.zeros((self.n, self.n), dtype=np.intp)
+        self._mass_entries[lower] = self._mass_entries.T[lower] = int(model.M_rowadr[dof]) + np.arange(len(lower[0]))
         self._damping = np.array(model.dof_damping[self._qvel])
         self._force, self._moment = (int(model.sensor(prefix + kind).adr[0]) for kind in (FORCE, TORQUE))
         names = {model.actuator(i).name: i for i in range(model.nu)}
@@ -156,16 +157,15 @@ class Arm:
     def servo(self) -> None:
         """Set the motors for one physics step, whose positions and velocities are computed already (``mj_step1``)."""
         data = self._data
-        mass = np.zeros((self.n, self.n))
-        mass[self._lower] = data.M[self._triangle]
-        mass = mass + np.tril(mass, -1).T
+        mass = data.M[self._mass_entries]
         bias = data.qfrc_bias[self._qvel]
         if self._mode == "torque" and self._taken is not None:
-            torque = self._taken.values + bias + mass @ self._too_fast()
+            asked = np.clip(self._taken.values, -self.limits.torque, self.limits.torque)
+            torque = asked + bias + mass @ self._too_fast()
         else:
             # The physics takes the joints' damping implicitly, as part of the mass.
-            mass[np.diag_indices(self.n)] += self._step * self._damping
-            torque = mass @ self._wanted_acceleration() + bias - data.qfrc_passive[self._qvel]
+            wanted = self._wanted_acceleration()
+            torque = mass @ wanted + self._step * self._damping * wanted + bias - data.qfrc_passive[self._qvel]
         self._torque = np.clip(torque, -self.limits.torque, self.limits.torque)
         data.ctrl[self._motors] = self._torque
         if self._suction is not None:
@@ -176,19 +176,22 @@ class Arm:
         if self._time > self._segment.duration - self._step / 2:
             self._plan(self._mode, self._taken, is_new=False)
         now = self._measured()
-        p, v = self._reference.position, self._rate
+        p, v = self._position, self._rate
         self._time += self._step
         planned = self._segment.position(self._time)
         p_next: Array = np.clip(planned, now.position - MAX_ERROR, now.position + MAX_ERROR)
-        v_next: Array = (p_next - p) / self._step
-        velocity: Array = np.where(p_next == planned, self._segment.velocity(self._time), v_next)
-        self._reference, self._rate = Motion(p_next, velocity), v_next
+        # The reference of a joint that is held back stands, or the joint's own shaking would drive it.
+        held_back: Array = p_next != planned
+        v_next = np.where(held_back, 0.0, (p_next - p) / self._step)
+        acceleration = np.where(held_back | self._held_back, 0.0, (v_next - v) / self._step)
+        self._position, self._rate, self._held_back = p_next, v_next, held_back
         error, error_rate = p - now.position, v - now.velocity
-        return np.asarray((v_next - v) / self._step + BANDWIDTH**2 * error + 2 * BANDWIDTH * error_rate)
+        return np.asarray(acceleration + BANDWIDTH**2 * error + 2 * BANDWIDTH * error_rate)
 
     def _plan(self, mode: Mode, order: Order | None, is_new: bool) -> None:
         """The next segment, from the present reference on. A command that is not new has ended its stream."""
-        now, interval = self._reference, FIRST_INTERVAL if order is None else order.interval
+        velocity = np.where(self._held_back, 0.0, self._segment.velocity(self._time))
+        now, interval = Motion(self._position, velocity), FIRST_INTERVAL if order is None else order.interval
         duration = max(round(interval / self._step), 1) * self._step
         match mode:
             case "position" if order is not None:
@@ -202,13 +205,14 @@ class Arm:
 
     def _start_from(self, motion: Motion) -> None:
         """Forget the reference so far; brake from ``motion`` on, unless something else is planned."""
-        self._reference, self._rate, self._time = motion, motion.velocity, 0.0
+        self._position, self._rate, self._time = motion.position, motion.velocity, 0.0
+        self._held_back = np.zeros(self.n, dtype=bool)
         self._segment = reference.braking(motion, self.limits, self._step)
 
     def _too_fast(self) -> Array:
         """Torques know no speed: what brakes a joint that a torque has driven beyond its velocity limit (rad/s²)."""
         velocity = self._measured().velocity
-        return -BANDWIDTH * (velocity - np.clip(velocity, -self.limits.velocity, self.limits.velocity))
+        return -3 * BANDWIDTH * (velocity - np.clip(velocity, -self.limits.velocity, self.limits.velocity))
 
     def _measured(self) -> Motion:
         return Motion(np.array(self._data.qpos[self._qpos]), np.array(self._data.qvel[self._qvel]))
@@ -218,11 +222,12 @@ class Arm:
     def state(self, stamp: int) -> ArmState:
         """``efforts`` are the motors' torques; ``wrench`` is what the tool (its weight included) does to the flange."""
         measured, sensed = self._measured(), self._data.sensordata
-        wrench = (*sensed[self._force : self._force + 3].tolist(), *sensed[self._moment : self._moment + 3].tolist())
+        # MuJoCo's sensors measure what the flange does to the tool.
+        force, moment = -sensed[self._force : self._force + 3], -sensed[self._moment : self._moment + 3]
         return ArmState(
             stamp=stamp,
             q=tuple(measured.position.tolist()),
             dq=tuple(measured.velocity.tolist()),
             efforts=tuple(self._torque.tolist()),
-            wrench=wrench,
+            wrench=(*force.tolist(), *moment.tolist()),
         )

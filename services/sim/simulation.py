@@ -94,7 +94,7 @@ class Simulation:
     @property
     def digest(self) -> str:
         """A hash over all instants so far: their stamps, states (qpos, qvel, act, poses of what is on scripts), scans,
-        odometry and localised poses.
+        odometry, localised poses and arm states.
         """
         return self._hash.copy().hexdigest()
 
@@ -237,9 +237,10 @@ class Simulation:
                 raise PhysicsError(f"the physics came apart at stamp {self.stamp}: {warning.name}")
 
     def _finish_instant(self) -> None:
+        state = [self.data.qpos, self.data.qvel]
         if self.stamp % INSTANT_NS == 0:
             self._kinematics()
-        state = (self.data.qpos, self.data.qvel, self.data.act, self.data.mocap_pos, self.data.mocap_quat)
+            state += [self.data.act, self.data.mocap_pos, self.data.mocap_quat]
         self._hash.update(self.stamp.to_bytes(8, "little"))
         for part in state:
             self._hash.update(part.tobytes())

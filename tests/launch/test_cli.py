@@ -78,6 +78,40 @@ def test_options_reach_the_services() -> None:
     )
 
 
+def test_the_world_says_who_acts(tmp_path: Path) -> None:
+    (tmp_path / "world.yaml").write_text("robots: {amr1: {}, amr2: {}}\narms: {arm1: {kind: fr3}}\n")
+    table = {process.name: process for process in cell_processes(CellOptions(world=str(tmp_path)), {})}
+    assert list(table) == ["router", "sim", "planner-amr1", "planner-amr2", "controller", "gateway"]
+    controller = " ".join(table["controller"].argv)
+    assert controller.endswith("services.controller --robot arm1 --arm fr3 --state-dir var/arm1 --rate 250")
+    sim, gateway = " ".join(table["sim"].argv), " ".join(table["gateway"].argv)
+    for participant in ("amr1/planner", "amr2/planner", "arm1/controller"):
+        assert f"--wait-for {participant}" in sim and f"--expect {participant}" in gateway
+    assert "--robot amr1" in gateway and "--expect world/sim" in gateway
+
+
+def test_a_world_of_arms_needs_no_planner() -> None:
+    table = {process.name: process for process in cell_processes(CellOptions(world="pick_station"), {})}
+    assert list(table) == ["router", "sim", "controller", "gateway"]
+    assert "planner" not in " ".join((*table["sim"].argv, *table["gateway"].argv))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("robots: [", "not YAML"),
+        ("robots: [amr1]", "robots: want a mapping of names"),
+        ("arms: {arm1: {pose: [0, 0, 0]}}", "arms.arm1: want its kind"),
+    ],
+)
+def test_a_world_that_does_not_say_who_acts_is_told(up: list[str], tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "world" / "world.yaml").write_text(text)
+    result = cli.invoke(app, [*up, "--state-dir", str(tmp_path / "var")])
+    assert result.exit_code == 1
+    assert told in result.output
+    assert not (tmp_path / "var").exists()
+
+
 def test_a_bus_elsewhere_becomes_the_routers_neighbour() -> None:
     elsewhere = "tls/fleet.example:7447"
     router, sim, *_ = cell_processes(CellOptions(), {"RACKHAND_BUS_CONNECT": elsewhere})

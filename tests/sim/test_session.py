@@ -10,6 +10,7 @@ import pytest
 from schemas import world as asked
 from schemas.base import Pose2, Twist2
 from schemas.chassis import ChassisCommand
+from schemas.motion import ArmCommand, FencingToken
 from schemas.service import ServiceId
 from services.sim.errors import RequestRefused
 from services.sim.pacing import Pacer
@@ -77,6 +78,46 @@ def test_what_cannot_be_is_refused(request_: Any, code: str, told: str) -> None:
     with pytest.raises(RequestRefused, match=told) as refused:
         session.handle(asked.WorldRequest(request=request_))
     assert refused.value.code == code
+
+
+def test_an_arm_is_commanded_by_its_controller_at_its_own_instants() -> None:
+    arms = {"arm1": {"kind": "ur5e", "pose": (0, 3, 0), "mount": 0.6}}
+    world = make_world(arms=arms)
+    session = Session(
+        build=lambda seed: make_simulation(world, seed),
+        new_run=lambda: Run("run", 0),
+        seed=0,
+        pacer=Pacer(world.instant_ns, speed=None, lockstep=True),
+    )
+    controller, planner = join(4_000_000, "arm1", "controller"), join()
+    for wrong, told in (
+        (join(4_000_000, "arm1"), "known: \\['controller'\\]"),
+        (join(3_000_000, "arm1", "controller"), "not a multiple of the control instant of 2000000 ns"),
+        (join(22_000_000), "not a multiple of the control instant of 20000000 ns"),
+    ):
+        with pytest.raises(RequestRefused, match=told):
+            session.handle(asked.WorldRequest(request=wrong))
+    assert ask(session, controller).clock.step_ns == 2_000_000
+    ask(session, planner)
+    stopped = []
+    while len(stopped) < 13:  # up to 40 ms: the controller each 4 ms, the planner at 0 and 40 ms
+        stamp = session.simulation.stamp
+        if session.pacer.decide(stamp, 0.0).kind == "step":
+            session.simulation.step()
+            continue
+        missing = {str(service) for service in session.pacer.missing(stamp)}
+        stopped.append((stamp, missing))
+        if "arm1/controller" in missing:
+            token = FencingToken(epoch="e", lease=0)
+            command = ArmCommand(answers=stamp, mode="velocity", values=(0.1,) * 6, token=token)
+            assert session.command("arm1", command)
+        else:
+            assert session.command("amr1", ChassisCommand(answers=stamp, twist=STILL))
+    assert [stamp for stamp, missing in stopped if "arm1/controller" in missing] == list(
+        range(0, 40_000_001, 4_000_000)
+    )
+    assert [stamp for stamp, missing in stopped if missing == {"amr1/planner"}] == [0, PERIOD]
+    assert session.gone(ServiceId("controller", "arm1"))
 
 
 def test_commands_are_noted_with_the_instant_they_answer() -> None:

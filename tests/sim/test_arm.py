@@ -1,0 +1,371 @@
+"""Arms in physics: what their drives do with commands, and what they do without."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from schemas import topics
+from schemas.base import Pose2, Twist2
+from schemas.chassis import ChassisCommand
+from schemas.motion import ArmCommand, ArmState, FencingToken
+from schemas.world import Place
+from services.sim.arm import Arm
+from services.sim.arm_kinds import arm_file, load_arm_kinds
+from services.sim.errors import RequestRefused, WorldFileError
+from services.sim.simulation import Simulation
+from services.sim.worldfile import ARM_INSTANT_NS, World, load_world
+from tests.sim.helpers import EXACT, drive, make_simulation, make_world
+
+KINDS = ("ur5e", "fr3")
+PERIOD = 2 * ARM_INSTANT_NS
+TOKEN = FencingToken(epoch="first", lease=1)
+PICK_STATION = load_world("pick_station")
+PICK_STATION_HOME = load_arm_kinds(PICK_STATION)["arm1"].home
+
+
+def arm_world(kind: str = "ur5e", **place: Any) -> World:
+    """The pick station with another arm, or otherwise placed."""
+    content = PICK_STATION.model_dump(exclude={"timestep"})
+    content["arms"]["arm1"] |= {"kind": kind, **place}
+    return World.model_validate(content)
+
+
+def arm_of(simulation: Simulation) -> Arm:
+    return simulation.arms["arm1"]
+
+
+def state_of(simulation: Simulation) -> ArmState:
+    return next(output.message for output in simulation.outputs if output.topic is topics.ARM_STATE)
+
+
+def send(simulation: Simulation, mode: Any, values: Any, token: FencingToken = TOKEN, age: int = 0) -> bool:
+    values = tuple(np.asarray(values, dtype=float).tolist())
+    return simulation.command("arm1", ArmCommand(answers=simulation.stamp - age, mode=mode, values=values, token=token))
+
+
+def control(simulation: Simulation, seconds: float, mode: str, values: Callable[[float], Any]) -> list[ArmState]:
+    """Answer each period with ``values`` of the time since now; returns the states meanwhile."""
+    begun, states = simulation.stamp, []
+    while simulation.stamp - begun < round(seconds * 1e9):
+        if simulation.stamp % PERIOD == 0:
+            assert send(simulation, mode, values((simulation.stamp - begun) * 1e-9))
+        simulation.step()
+        states.append(state_of(simulation))
+    return states
+
+
+def wait(simulation: Simulation, seconds: float) -> list[ArmState]:
+    """Let time pass without commands."""
+    states = []
+    for _ in range(round(seconds * 1e9 / ARM_INSTANT_NS)):
+        simulation.step()
+        states.append(state_of(simulation))
+    return states
+
+
+def positions(states: list[ArmState]) -> Any:
+    return np.array([state.q for state in states])
+
+
+def velocities(states: list[ArmState]) -> Any:
+    return np.array([state.dq for state in states])
+
+
+@pytest.fixture(params=KINDS)
+def simulation(request: pytest.FixtureRequest) -> Simulation:
+    return Simulation(arm_world(request.param), {}, 0, EXACT)
+
+
+@pytest.fixture
+def ur5e() -> Simulation:
+    return Simulation(arm_world(), {}, 0, EXACT)
+
+
+# -- the model ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_attached_arm_is_the_arm_of_the_file(kind: str) -> None:
+    """Mass matrix, bias forces (turned with the base about z, gravity is the same) and the flange, 20 random states."""
+    pose, mount = (0.3, -0.2, 0.7), 0.6
+    cell = Simulation(arm_world(kind, pose=pose, mount=mount), {}, 0, EXACT)
+    alone = mujoco.MjModel.from_xml_path(str(arm_file(kind)))
+    alone_data, rng = mujoco.MjData(alone), np.random.default_rng(3)
+    assert cell.model.nv == alone.nv
+    for _ in range(20):
+        q = rng.uniform(alone.jnt_range[:, 0], alone.jnt_range[:, 1])
+        dq = rng.uniform(-2, 2, alone.nv)
+        for model, data in ((cell.model, cell.data), (alone, alone_data)):
+            data.qpos[:], data.qvel[:] = q, dq
+            mujoco.mj_forward(model, data)
+        masses = np.zeros((2, alone.nv, alone.nv))
+        mujoco.mj_fullM(cell.model, cell.data, masses[0])
+        mujoco.mj_fullM(alone, alone_data, masses[1])
+        np.testing.assert_allclose(masses[0], masses[1], atol=1e-10)
+        np.testing.assert_allclose(cell.data.qfrc_bias, alone_data.qfrc_bias, atol=1e-10)
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+        expected = turn @ alone_data.site("flange").xpos + (pose[0], pose[1], mount)
+        np.testing.assert_allclose(cell.data.site("arm1/flange").xpos, expected, atol=1e-10)
+        rotation = turn @ alone_data.site("flange").xmat.reshape(3, 3)
+        np.testing.assert_allclose(cell.data.site("arm1/flange").xmat.reshape(3, 3), rotation, atol=1e-10)
+
+
+def test_joint_ranges_and_torque_limits_are_those_of_the_file(simulation: Simulation) -> None:
+    kind = simulation.world.arms["arm1"].kind
+    alone, limits = mujoco.MjModel.from_xml_path(str(arm_file(kind))), arm_of(simulation).limits
+    np.testing.assert_allclose(np.array([limits.lower, limits.upper]).T, alone.jnt_range)
+    np.testing.assert_allclose(limits.torque, alone.jnt_actfrcrange[:, 1])
+
+
+@pytest.mark.parametrize(
+    ("place", "told"),
+    [
+        ({"kind": "ur55"}, r"arms\.arm1\.kind: 'ur55' is not known; known: \['fr3', 'ur5e'\]"),
+        ({"home": (0.0, 0.0)}, r"arms\.arm1\.home: 2 values, but ur5e has 6 joints"),
+        ({"home": (0.0, 0.0, 9.0, 0.0, 0.0, 0.0)}, r"arms\.arm1\.home: .* not within"),
+    ],
+)
+def test_a_wrong_arm_is_told_with_its_place(place: dict[str, Any], told: str) -> None:
+    with pytest.raises(WorldFileError, match=told):
+        Simulation(arm_world(**place), {}, 0, EXACT)
+
+
+def test_an_arm_needs_a_fast_physics() -> None:
+    with pytest.raises(ValueError, match=r"timestep 0\.002: the servo of an arm needs 0\.001 or less"):
+        World.model_validate(PICK_STATION.model_dump() | {"timestep": 0.002})
+    assert make_world().timestep == 0.002 and arm_world().timestep == 0.001
+
+
+# -- modes -------------------------------------------------------------------------------------------------------------
+
+
+def test_it_holds_against_gravity_without_a_command(simulation: Simulation) -> None:
+    home = np.array(state_of(simulation).q)
+    states = wait(simulation, 0.5)
+    np.testing.assert_allclose(positions(states), np.tile(home, (len(states), 1)), atol=1e-9)
+    assert np.abs(states[-1].efforts).max() > 5, "gravity asks for torque"
+
+
+def test_states_come_at_500_hz_at_their_stamps(ur5e: Simulation) -> None:
+    stamps = [state.stamp for state in wait(ur5e, 0.04)]
+    assert stamps == list(range(2_000_000, 40_000_001, 2_000_000))
+
+
+def test_a_stream_of_positions_is_followed_without_lag(simulation: Simulation) -> None:
+    """A position that answers t is where the arm is a period later, to 20 µrad, at 1.2 rad/s and 4.8 rad/s²."""
+    home = np.array(state_of(simulation).q)
+
+    def wave(time: float) -> Any:
+        return home + 0.3 * (1 - np.cos(4 * time))
+
+    states = control(simulation, 1.0, "position", lambda time: wave(time + PERIOD * 1e-9))
+    wanted = np.array([wave(state.stamp * 1e-9) for state in states])
+    np.testing.assert_allclose(positions(states), wanted, atol=2e-5)
+
+
+def test_a_jump_is_made_within_the_limits_and_ends_at_rest(simulation: Simulation) -> None:
+    goal, limits = np.array(state_of(simulation).q) + 0.5, arm_of(simulation).limits
+    states = control(simulation, 0.8, "position", lambda _: goal)
+    np.testing.assert_allclose(states[-1].q, goal, atol=1e-6)
+    assert (np.abs(velocities(states)) < 1.02 * limits.velocity).all()
+    assert (positions(states) < goal + 2e-3).all()
+    first = positions(states)[0] - (goal - 0.5)
+    assert (first <= limits.acceleration * 0.002**2).all(), "it does not leap"
+
+
+@pytest.mark.parametrize(("mode", "value"), [("position", 9.0), ("velocity", 3.0)])
+def test_no_joint_leaves_its_range(mode: str, value: float) -> None:
+    """The base joint, 0.4 rad before the end of its range, is told to go beyond it: it stops there, and gently."""
+    home = (2 * np.pi - 0.4, *PICK_STATION_HOME[1:])
+    simulation = Simulation(arm_world(home=home), {}, 0, EXACT)
+    wanted = np.array((value, *(home[1:] if mode == "position" else (0.0,) * 5)))
+    states = control(simulation, 0.6, mode, lambda _: wanted)
+    upper = arm_of(simulation).limits.upper[0]
+    assert velocities(states)[:, 0].max() > 1
+    assert positions(states)[:, 0].max() <= upper + 1e-3
+    assert states[-1].q[0] == pytest.approx(upper, abs=1e-3) and abs(states[-1].dq[0]) < 1e-3
+
+
+def test_velocities_are_followed_and_capped(simulation: Simulation) -> None:
+    wanted = np.zeros(arm_of(simulation).n)
+    wanted[0], wanted[-1] = 0.8, -99.0
+    states = control(simulation, 0.5, "velocity", lambda _: wanted)
+    expected = np.clip(wanted, -arm_of(simulation).limits.velocity, arm_of(simulation).limits.velocity)
+    reached = velocities(states)[200]
+    np.testing.assert_allclose(reached[:-1], expected[:-1], atol=1e-3)
+    np.testing.assert_allclose(reached[-1], expected[-1], atol=1e-3)
+
+
+def test_torques_come_on_top_of_gravity(simulation: Simulation) -> None:
+    """No torque: it floats. 1 N·m on the last joint turns it by the equation of motion, its damping included."""
+    home, n = np.array(state_of(simulation).q), arm_of(simulation).n
+    states = control(simulation, 0.2, "torque", lambda _: np.zeros(n))
+    np.testing.assert_allclose(positions(states), np.tile(home, (len(states), 1)), atol=1e-9)
+    torque = np.eye(n)[-1]
+    mass = np.zeros((n, n))
+    mujoco.mj_fullM(simulation.model, simulation.data, mass)
+    states = control(simulation, 0.02, "torque", lambda _: torque)
+    assert states[-1].dq[-1] == pytest.approx(0.02 * np.linalg.solve(mass, torque)[-1], rel=0.1)
+
+
+def test_torque_limits_hold_and_so_does_the_speed(simulation: Simulation) -> None:
+    limits = arm_of(simulation).limits
+    wanted = np.zeros(arm_of(simulation).n)
+    wanted[0], wanted[-1] = 1e4, 1e4
+    states = control(simulation, 0.1, "torque", lambda _: wanted)
+    efforts = np.array([state.efforts for state in states])
+    assert (np.abs(efforts) <= limits.torque).all()
+    assert efforts[:, 0].max() == pytest.approx(limits.torque[0], rel=1e-3)
+    assert (velocities(states)[:, -1] < 1.4 * limits.velocity[-1]).all()
+
+
+# -- without commands --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["position", "velocity", "torque"])
+def test_a_stream_that_is_cut_brakes_the_arm_to_rest(simulation: Simulation, mode: str) -> None:
+    n, home = arm_of(simulation).n, np.array(state_of(simulation).q)
+    streams: dict[str, Callable[[float], Any]] = {
+        "position": lambda time: home + np.eye(n)[0] * 1.5 * time,
+        "velocity": lambda _: np.eye(n)[0] * 1.5,
+        "torque": lambda _: np.eye(n)[0] * 15.0,
+    }
+    moving = control(simulation, 0.3, mode, streams[mode])[-1]
+    assert moving.dq[0] > 0.5
+    states = wait(simulation, 0.6)
+    speeds = velocities(states)[:, 0]
+    longest = 0.1 + speeds.max() / arm_of(simulation).limits.acceleration[0] + 0.02
+    assert np.abs(velocities(states)[round(longest / 0.002) :]).max() < 1e-3
+    braking = np.diff(speeds[51:]) / 0.002
+    assert braking.min() > -1.3 * arm_of(simulation).limits.acceleration[0]
+    np.testing.assert_allclose(states[-1].q, states[-20].q, atol=1e-6)
+
+
+def test_a_velocity_stays_in_force_for_100_ms_and_no_longer(ur5e: Simulation) -> None:
+    control(ur5e, 0.3, "velocity", lambda _: np.eye(6)[0])
+    speeds = velocities(wait(ur5e, 0.2))[:, 0]
+    last = ur5e.stamp - 200_000_000 - PERIOD  # the stamp of the newest command's answer
+    assert last + 100_000_000 == 396_000_000
+    np.testing.assert_allclose(speeds[:48], 1.0, atol=1e-6)
+    assert (speeds[48:60] < 0.999).all()
+
+
+def test_who_is_silenced_brakes_at_once(ur5e: Simulation) -> None:
+    control(ur5e, 0.3, "velocity", lambda _: np.eye(6)[0])
+    ur5e.silence("arm1")
+    assert velocities(wait(ur5e, 0.002))[-1, 0] < 0.99
+
+
+def test_a_joint_that_is_held_back_does_not_wind_up() -> None:
+    """It leans on the floor beyond the table for 0.4 s, and turns back 0.12 s after it is told to."""
+    simulation = Simulation(arm_world(home=(0, -0.3, 1.0, -1.5708, -1.5708, 0)), {}, 0, EXACT)
+    down = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    blocked = control(simulation, 1.3, "velocity", lambda _: down)[-1]
+    assert abs(blocked.dq[1]) < 0.05
+    assert {(row.robot, row.other) for row in simulation.ledger.rows} == {("arm1", "floor")}
+    states = control(simulation, 0.13, "velocity", lambda _: -down)
+    assert states[60].dq[1] < -0.9
+
+
+# -- whom it obeys -----------------------------------------------------------------------------------------------------
+
+
+def test_commands_of_a_grant_that_was_replaced_do_not_pass(ur5e: Simulation) -> None:
+    wait(ur5e, 0.1)
+    values = np.zeros(6)
+    newer, restarted = FencingToken(epoch="first", lease=2), FencingToken(epoch="second", lease=0)
+    assert send(ur5e, "velocity", values)
+    assert send(ur5e, "velocity", values, newer, age=PERIOD), "stamps begin anew with each grant"
+    assert not send(ur5e, "velocity", values + 1)
+    assert send(ur5e, "velocity", values, newer)
+    assert not send(ur5e, "velocity", values + 1, newer, age=PERIOD), "a late sample"
+    assert send(ur5e, "velocity", values, restarted)
+    assert not send(ur5e, "velocity", values + 1, newer), "an epoch that was replaced does not come back"
+    assert np.abs(velocities(wait(ur5e, 0.02))).max() < 1e-9, "what was refused moves nothing"
+
+
+@pytest.mark.parametrize("values", [(), (0.0,) * 5, (0.0,) * 7, (np.nan,) * 6, (np.inf, 0, 0, 0, 0, 0)])
+def test_malformed_commands_do_not_pass(ur5e: Simulation, values: tuple[float, ...]) -> None:
+    command = ArmCommand.model_construct(answers=0, mode="position", values=values, token=TOKEN)
+    assert arm_of(ur5e).fault_of(command)
+    assert not ur5e.command("arm1", command)
+
+
+def test_a_command_of_a_run_that_is_over_does_not_pass(ur5e: Simulation) -> None:
+    assert not send(ur5e, "velocity", np.ones(6), age=-PERIOD)
+    assert not ur5e.command("arm2", ArmCommand(answers=0, mode="velocity", values=(0.0,) * 6, token=TOKEN))
+
+
+# -- the cell ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_same_commands_give_the_same_bytes_and_others_do_not() -> None:
+    def run(speed: float) -> str:
+        simulation = Simulation(arm_world(), {}, 0, EXACT)
+        control(simulation, 0.1, "velocity", lambda time: np.full(6, speed * time))
+        return simulation.digest
+
+    assert run(1.0) == run(1.0)
+    assert run(1.0) != run(1.0000001)
+
+
+def test_the_arm_meets_itself(ur5e: Simulation) -> None:
+    control(ur5e, 1.5, "velocity", lambda _: np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]))
+    assert ("arm1", "arm1") in {(row.robot, row.other) for row in ur5e.ledger.rows}
+
+
+def test_nothing_can_be_placed_into_it(ur5e: Simulation) -> None:
+    with pytest.raises(RequestRefused, match="'crate' would stand in arm1"):
+        ur5e.place(Place(name="crate", pose=Pose2(x=0, y=0, yaw=0), size=(0.3, 0.3, 2.0)))
+    with pytest.raises(RequestRefused, match="'arm1' is the name of something else"):
+        ur5e.place(Place(name="arm1", pose=Pose2(x=1.5, y=1.5, yaw=0)))
+
+
+def test_its_bodies_are_in_scene_and_objects(ur5e: Simulation) -> None:
+    links = {"arm1/base", "arm1/upper_arm_link", "arm1/wrist_3_link"}
+    assert links <= {geom.body for geom in ur5e.scene().geoms}
+    poses = {pose.name: pose for pose in ur5e.objects().objects}
+    assert links <= set(poses)
+    assert poses["arm1/base"].position == pytest.approx((0, 0, 0.6))
+
+
+def test_a_chassis_beside_it_drives_as_ever() -> None:
+    """The same commands at the same instants: 20 ms of its own beside the 2 ms of the arm."""
+    arms = {"arm1": {"kind": "ur5e", "pose": (0.0, 3.0, 0.0), "mount": 0.6}}
+    beside, alone = make_simulation(make_world(arms=arms)), make_simulation(make_world(timestep=0.001))
+    alone_heard = drive(alone, 1.0, linear=0.5, angular=0.2)
+    beside_heard = []
+    while beside.stamp < 1_000_000_000:
+        if beside.stamp % 20_000_000 == 0:
+            beside_heard += drive_once(beside)
+        beside.step()
+    beside_heard += [(o.topic, o.message) for o in beside.outputs if o.robot == "amr1"]
+    stamps = [m.stamp for topic, m in beside_heard if topic is topics.ODOMETRY]
+    assert stamps == [0, *(m.stamp for topic, m in alone_heard if topic is topics.ODOMETRY)]
+    np.testing.assert_allclose(beside.robots["amr1"].pose, alone.robots["amr1"].pose, atol=1e-6)
+
+
+def drive_once(simulation: Simulation) -> list[tuple[Any, Any]]:
+    simulation.command("amr1", ChassisCommand(answers=simulation.stamp, twist=Twist2(linear=0.5, angular=0.2)))
+    return [(o.topic, o.message) for o in simulation.outputs if o.robot == "amr1"]
+
+
+# -- flange and gripper ------------------------------------------------------------------------------------------------
+
+
+def test_the_wrench_is_what_the_tool_does_to_the_flange_in_its_frame() -> None:
+    """At rest: the gripper's weight, and its moment about the flange."""
+    bare = Simulation(arm_world(), {}, 0, EXACT)
+    assert np.abs(state_of(bare).wrench).max() < 1e-9
+    cell = Simulation(arm_world(gripper="suction", home=(0.3, -1.2, 1.0, -0.6, -1.1, 0.5)), {}, 0, EXACT)
+    rotation = cell.data.site("arm1/flange").xmat.reshape(3, 3)
+    force = rotation.T @ (0, 0, -0.4 * 9.81)
+    wrench = np.array(state_of(cell).wrench)
+    np.testing.assert_allclose(wrench[:3], force, atol=1e-6)
+    np.testing.assert_allclose(wrench[3:], np.cross((0, 0, 0.06), force), atol=1e-6)
