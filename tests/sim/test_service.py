@@ -14,17 +14,19 @@ from schemas import topics
 from schemas import world as asked
 from schemas.base import Pose2, Twist2
 from schemas.chassis import ChassisCommand
+from schemas.motion import ArmCommand, FencingToken
 from schemas.service import CELL, ServiceId
 from services.sim.pacing import Pacer
 from services.sim.service import SimService
 from services.sim.session import Run, Session
 from services.sim.simulation import INSTANT_NS
+from services.sim.worldfile import World
 from tests.bus.conftest import free_port
 from tests.sim.helpers import make_simulation, make_world
 
 PLANNER = ServiceId("planner", "amr1")
 PERIOD = 2 * INSTANT_NS
-STATICS = {"wall": {"kind": "wall", "start": (9, -9), "end": (9, 9)}}
+WORLD = make_world(statics={"wall": {"kind": "wall", "start": (9, -9), "end": (9, 9)}})
 
 
 class Peer:
@@ -60,17 +62,17 @@ class Peer:
 
 @pytest.fixture
 def start() -> Iterator[Any]:
-    """Start a simulator; called with the pace, returns a peer of it."""
+    """Start a simulator; called with the world and the pace, returns a peer of it."""
     running: list[tuple[Bus, Bus, threading.Thread]] = []
 
-    def run(**pace: Any) -> Peer:
+    def run(world: World = WORLD, **pace: Any) -> Peer:
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         names = count()
         session = Session(
-            build=lambda seed: make_simulation(make_world(statics=STATICS), seed),
+            build=lambda seed: make_simulation(world, seed),
             new_run=lambda: Run(f"run{next(names)}", 0),
             seed=1,
-            pacer=Pacer(INSTANT_NS, **({"speed": None} | pace)),
+            pacer=Pacer(world.instant_ns, **({"speed": None} | pace)),
         )
         sim_bus = Bus(ServiceId("sim", "world"), BusConfig(listen=endpoint, connect=""))
         thread = threading.Thread(target=serve, args=(sim_bus, session))
@@ -176,3 +178,33 @@ def test_an_advance_that_is_cut_short_is_refused(start: Any) -> None:
     peer.ask(asked.Pause(paused=True))
     thread.join(10)
     assert refusals == ["precondition"]
+
+
+def test_an_arm_in_lockstep_over_the_bus_gives_the_same_bytes(start: Any) -> None:
+    """A controller of 4 ms beside a chassis that nobody commands; the same commands, the same digest."""
+    period, until = 4_000_000, 200_000_000
+    world = make_world(arms={"arm1": {"kind": "ur5e", "pose": (0, 3, 0), "mount": 0.6}})
+    controller = ServiceId("controller", "arm1")
+    peer = start(world, awaited=(controller,), lockstep=True)
+    states = peer.bus.inbox().subscribe(topics.ARM_STATE, "arm1", depth=1024)
+    commands = peer.bus.publisher(topics.ARM_COMMAND, "arm1")
+    digests = set()
+    for run in range(2):
+        assert peer.ask(asked.Pause(paused=True)).clock.paused
+        peer.ask(asked.Reset(seed=5))
+        peer.ask(asked.Join(robot="arm1", service="controller", period_ns=period))
+        advance = threading.Thread(target=peer.ask, args=(asked.Advance(duration_ns=until),))
+        advance.start()
+        answered = -1
+        while answered < until - period:
+            event = states.get(timeout=20)
+            assert isinstance(event, Sample), "the simulator is silent"
+            state = event.message
+            if state.stamp % period == 0 and state.stamp == answered + (period if answered >= 0 else 1):
+                answered = state.stamp
+                values = tuple(position + 0.001 for position in state.q)
+                token = FencingToken(epoch=f"run{run}", lease=1)
+                commands.put(ArmCommand(answers=answered, mode="position", values=values, token=token))
+        advance.join(10)
+        digests.add(peer.ask(asked.Inspect()).digest)
+    assert len(digests) == 1
