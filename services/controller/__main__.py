@@ -1,0 +1,77 @@
+"""``python -m services.controller``: the motion controller of one arm."""
+
+from __future__ import annotations
+
+import secrets
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bus import Bus
+from bus.log import configure_logging, get_logger
+from schemas.service import ServiceId
+from services.controller import ik
+from services.controller.access_audit import AuditLog
+from services.controller.access_types import SECOND, AccessConfig
+from services.controller.audit_writer import AuditWriter
+from services.controller.controller import Controller
+from services.controller.service import ControllerService
+from services.controller.warm_up import warm_up
+
+log = get_logger(__name__)
+
+# How long a plan made beside the loop may keep the interpreter from it, in seconds.
+SWITCH_INTERVAL = 0.0005
+
+_EXAMPLES = """
+Moves one arm as CRF commands ask.
+
+Examples:
+
+  python -m services.controller --robot arm1 --arm ur5e
+
+  python -m services.controller --robot arm2 --arm fr3 --rate 500 --strict-crf
+"""
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command(help=_EXAMPLES)
+def main(
+    robot: Annotated[str, typer.Option(help="name of the arm on the bus")] = "arm1",
+    arm: Annotated[str, typer.Option(help="profile of the arm, one of worlds/arms")] = "ur5e",
+    rate: Annotated[int, typer.Option(min=50, max=1000, help="commands per second")] = 250,
+    state_dir: Annotated[Path | None, typer.Option(help="folder of the audit log  [default: var/ROBOT]")] = None,
+    strict_crf: Annotated[bool, typer.Option(help="stops need priority, as in CRF")] = False,
+    keep_alive: Annotated[float, typer.Option(min=0.1, help="seconds a lock lives without being refreshed")] = 10.0,
+) -> None:
+    configure_logging("controller")
+    if SECOND % rate:
+        raise typer.BadParameter(f"{rate} Hz: want a rate whose period is a whole number of nanoseconds")
+    try:
+        model = ik.load_arm(arm)
+        audit_log = AuditLog((state_dir or Path("var") / robot) / "audit.jsonl")
+    except (ik.ArmError, OSError) as error:
+        typer.echo(f"controller of {robot}: {error}", err=True)
+        raise typer.Exit(2) from None
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    period_ns = SECOND // rate
+    warm_up(model, period_ns)
+    access = AccessConfig(keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf)
+    audit = AuditWriter(audit_log, lambda error: log.error("the audit log cannot be written", error=str(error)))
+    with ThreadPoolExecutor(1, thread_name_prefix="plan") as planning:
+        controller = Controller(model, period_ns, planning, lambda: secrets.token_hex(8), access)
+        try:
+            with Bus(ServiceId("controller", robot)) as bus:
+                bus.handle_signals()
+                ControllerService(bus, robot, model.n, controller, audit).run()
+        finally:
+            planning.shutdown(wait=False, cancel_futures=True)
+            audit.close()
+
+
+if __name__ == "__main__":
+    app()

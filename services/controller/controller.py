@@ -1,0 +1,359 @@
+"""One arm's controller: requests and arm states in; answers, events and joint commands out. No bus, no clock.
+
+It joins the protocol (``Dispatcher``), the planning of paths beside the loop (``PathPlanner``) and the motion itself
+(``Mover``). The time of everything, keep-alives included, is the arm's clock: the stamp of the newest arm state. A
+paused world therefore keeps its locks, and a world ten times as fast runs them out ten times as soon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from schemas import crf_requests as crf
+from schemas.base import Message
+from schemas.crf import CrfCode
+from schemas.motion import ArmCommand, ArmState, ControlInfo, Expected, MotionEvent, MotionStatus
+from services.controller import ik
+from services.controller.access import Access
+from services.controller.access_hop import LastHop
+from services.controller.access_streams import StreamGuard, StreamSample
+from services.controller.access_types import AccessConfig, AuditEntry, ContinueMotion, Order, StopMotion
+from services.controller.motion.mover import Mover, Reference
+from services.controller.motion.parameters import ParametersRefused
+from services.controller.motion.planner import Answered, PathPlanner
+from services.controller.motion.profile import configuration
+from services.controller.motion.status import Observer, StatusCodes
+from services.controller.motion.way_points import append_joints, append_task
+from services.controller.protocol.answers import encode, error
+from services.controller.protocol.checks import parameters_of
+from services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
+from services.controller.protocol.parse import parse
+from services.controller.trajectory.model import PathRefused
+
+STATUS_PERIOD_NS = 40_000_000
+STANDSTILL = 0.05  # rad/s measured
+
+
+@dataclass
+class Output:
+    """What follows from what happened, each in order. ``streams``: status streams by session."""
+
+    replies: list[tuple[object, str]] = field(default_factory=list)
+    events: list[MotionEvent] = field(default_factory=list)
+    audit: list[AuditEntry] = field(default_factory=list)
+    streams: list[tuple[str, str]] = field(default_factory=list)
+    status: MotionStatus | None = None
+    errors: list[BaseException] = field(default_factory=list)
+
+
+class Controller:
+    """See the module. ``ticket`` is what the caller knows a request by; every ticket comes back with one answer."""
+
+    def __init__(
+        self,
+        arm: ik.Arm,
+        period_ns: int,
+        executor: Executor,
+        new_epoch: Callable[[], str],
+        access: AccessConfig = AccessConfig(),  # noqa: B008 - it is frozen
+    ) -> None:
+        self.period_ns = period_ns
+        self._arm, self._config, self._new_epoch = arm, access, new_epoch
+        self.mover = Mover(arm, period_ns * 1e-9)
+        self._planner = PathPlanner(executor, period_ns * 1e-9)
+        self._hop = LastHop()
+        self._output = Output()
+        self._waiting: dict[tuple[str, bytes], list[object]] = {}
+        self._begin(())
+
+    def _begin(self, codes: tuple[CrfCode, ...]) -> None:
+        self.access = Access(self._new_epoch(), self._config)
+        self._dispatcher = Dispatcher(self.access, configuration(self._arm, self.mover.profile, self.period_ns))
+        self._guard = StreamGuard()
+        self._observer = Observer(self.mover.kinematics)
+        self._codes = StatusCodes()
+        self._codes.add(codes)
+        self._now = self._origin = 0
+        self._tick: int | None = None
+        self._lockstep = False
+        self._status_slot = -1
+        self._serial = self._reported = 0
+
+    # -- what is heard ------------------------------------------------------------------------------------------------
+
+    def take(self) -> Output:
+        """What has come of everything since the last call."""
+        output, self._output = self._output, Output()
+        return output
+
+    @property
+    def busy(self) -> bool:
+        """Whether a plan is being made: then ``poll`` has something to find."""
+        return self._planner.busy
+
+    def begin_anew(self, why: str) -> None:
+        """The arm's driver is gone or has begun anew: nobody holds control, nothing moves, nothing is queued."""
+        self._cancel(CrfCode.ServiceUnavailable, why)
+        held = self.access.holder(self._now)
+        epoch, stamp = self.access.epoch, self._now
+        self._begin((CrfCode.Disconnected,))
+        if held is not None:
+            info = ControlInfo(
+                client=held.client, priority=held.priority, lease_id=held.lease_id, epoch=epoch, reason="restart"
+            )
+            self._output.events.append(MotionEvent(stamp=stamp, name="controlLost", to=held.client, info=info))
+
+    def disconnected(self, session: str) -> None:
+        """A client's connection is gone."""
+        self._follow(self._dispatcher.disconnected(session, self._now))
+
+    def stop_request(self, session: str, text: str, ticket: object) -> None:
+        """A request on the way that is for stops only."""
+        parsed = parse(text, self._arm.n)
+        if isinstance(parsed.result, crf.Request) and not isinstance(parsed.result, crf.SoftStop | crf.HardStop):
+            refusal = error(f"Unknown command: {parsed.result.command}", "only softStop and hardStop are taken here")
+            self._output.replies.append((ticket, encode(refusal, parsed.echo).decode()))
+        else:
+            self.request(session, text, ticket)
+
+    def request(self, session: str, text: str, ticket: object) -> None:
+        turn = self._dispatcher.request(session, text, self._now)
+        self._follow(turn)
+        if turn.reply is not None:
+            self._output.replies.append((ticket, turn.reply.decode()))
+        elif turn.shared is not None:
+            self._waiting.setdefault(turn.shared, []).append(ticket)
+        elif turn.admitted is not None:
+            self._carry_out(turn.admitted, ticket)
+
+    def await_plan(self, seconds: float) -> None:
+        """Wait for the plan that is being made, so long at most."""
+        self._planner.await_plan(seconds)
+
+    def poll(self) -> None:
+        """Between ticks: plans that are ready are answered, so that a paused world answers too."""
+        if self._tick is not None:
+            self._collect(self._time(self._tick), tick=False, lockstep=False)
+
+    def tick(self, state: ArmState, lockstep: bool) -> ArmCommand:
+        """One control period. ``lockstep``: whoever measures waits for the answer, so plans are waited for here."""
+        now, self._lockstep = state.stamp, lockstep
+        if self._tick is None:
+            self._origin = now
+            self.mover.begin_at(state, 0.0)
+        elif now - self._tick > 1.5 * self.period_ns:
+            self._codes.add((CrfCode.RealTimeViolation,))
+        self._now = max(self._now, now)
+        self._tick = now
+        t = self._time(now)
+        self._observer.see(state)
+        self._follow(self._dispatcher.tick(now))
+        if self._guard.expired(now):
+            self.mover.silence()
+        self._collect(t, tick=True, lockstep=lockstep)
+        mode, values = self.mover.tick(t, state)
+        self._codes.add(self.mover.codes)
+        self._heed(self.mover.codes)
+        self._plan()
+        self._report_rest(state)
+        self._tell_status()
+        token = self.access.token
+        self._hop.raise_to(token)
+        if not self._hop.admit(token, now):
+            raise AssertionError(f"a command of {token} after {self._hop.newest}")
+        return ArmCommand(answers=now, mode=mode, values=tuple(values), token=token)
+
+    def _time(self, stamp: int) -> float:
+        """Seconds since the first tick, in whole periods: so that times of ticks compare."""
+        return (stamp - self._origin) * 1e-9
+
+    # -- what follows -------------------------------------------------------------------------------------------------
+
+    def _follow(self, turn: Turn) -> None:
+        for order in turn.orders:
+            self._obey(order)
+        for event in turn.events:
+            told = MotionEvent(stamp=self._now, name=event.name, to=event.to, info=event.info)
+            self._output.events.append(told)
+        self._output.audit.extend(turn.audit)
+
+    def _obey(self, order: Order) -> None:
+        self._serial = max(self._serial, order.serial)
+        match order:
+            case ContinueMotion():
+                self.mover.resume()
+            case StopMotion(kind=kind, clear=clear, reason=reason):
+                self._cancel(CrfCode.Conflict, reason)
+                self._guard.stop(self._now)
+                if kind == "hardStop":
+                    self.mover.hard_stop()
+                elif clear:
+                    self.mover.soft_stop()
+                else:
+                    self.mover.pause()
+
+    def _heed(self, codes: frozenset[CrfCode]) -> None:
+        """Stops by itself where a stop condition that is switched on has come up."""
+        met = codes & self.mover.tuning.stops_on
+        if met and not self.mover.standing:
+            names = ", ".join(code.name for code in sorted(met))
+            self._cancel(CrfCode.Conflict, f"stop condition: {names}")
+            self._guard.stop(self._now)
+            self.mover.soft_stop()
+
+    def _report_rest(self, state: ArmState) -> None:
+        still = max(map(abs, state.dq)) < STANDSTILL
+        if self._reported < self._serial and still and self.mover.standing and not self._planner.busy:
+            self._reported = self._serial
+            self._follow(self._dispatcher.at_rest(self._serial, self._now))
+
+    def _tell_status(self) -> None:
+        status = self._status()
+        due = self._dispatcher.due(status, self._now)
+        self._output.streams.extend((session, text.decode()) for session, text in due)
+        slot = self._now // STATUS_PERIOD_NS
+        if slot != self._status_slot:
+            self._status_slot = slot
+            self._output.status = status
+
+    def _status(self) -> MotionStatus:
+        running = self.mover.running or (self._planner.busy and self._tick is not None)
+        return self._dispatcher.complete(self._observer.status(self._codes.ascending, running), self._now)
+
+    # -- plans --------------------------------------------------------------------------------------------------------
+
+    def _plan(self) -> None:
+        if self._tick is not None and self.mover.plannable:
+            self._planner.begin(self.mover.queue, self._time(self._tick), self._lockstep)
+
+    def _collect(self, t: float, tick: bool, lockstep: bool) -> None:
+        answers, queue = self._planner.collect(t, tick, lockstep)
+        for answer in answers:
+            self._answer_path(answer)
+        if queue is not None:
+            self.mover.drive(queue)
+
+    def _answer_path(self, answer: Answered) -> None:
+        admitted, ticket = _pair(answer.ticket)
+        if answer.error is None:
+            self._finish(admitted, ticket, Expected[bool].of(True))
+            return
+        if isinstance(answer.error, PathRefused):
+            code, text = CrfCode.BadRequest, str(answer.error)
+        else:
+            self._output.errors.append(answer.error)
+            code, text = CrfCode.InternalServerError, "planning failed; the controller's log says more"
+        if answer.first:
+            self._finish(admitted, ticket, Expected[bool].failed(code), text)
+
+    def _cancel(self, code: CrfCode, why: str) -> None:
+        for pair in self._planner.cancel():
+            admitted, ticket = _pair(pair)
+            self._finish(admitted, ticket, Expected[bool].failed(code), f"dropped before it began: {why}")
+
+    # -- commands -----------------------------------------------------------------------------------------------------
+
+    def _finish(self, admitted: Admitted, ticket: object, result: Message, text: str = "") -> None:
+        answer = self._dispatcher.finish(admitted, result, text).decode()
+        tickets = [ticket, *(self._waiting.pop(admitted.key, []) if admitted.key else [])]
+        self._output.replies.extend((each, answer) for each in tickets)
+
+    def _carry_out(self, admitted: Admitted, ticket: object) -> None:
+        request = admitted.request
+        if isinstance(request, crf.GetStatus):
+            self._finish(admitted, ticket, self._status())
+            return
+        self._serial = max(self._serial, admitted.verdict.serial)
+        if isinstance(request, crf.AppendJointsPath | crf.AppendTaskPath):
+            self._append(request, admitted, ticket)
+            return
+        result, text = self._command(request, admitted)
+        self._finish(admitted, ticket, result, text)
+
+    def _append(self, request: crf.AppendJointsPath | crf.AppendTaskPath, admitted: Admitted, ticket: object) -> None:
+        if wrong := self._cannot_move():
+            self._finish(admitted, ticket, wrong[0], wrong[1])
+            return
+        if self._planner.full:
+            busy = Expected[bool].failed(CrfCode.ServiceUnavailable)
+            self._finish(admitted, ticket, busy, "too many paths are waiting to be planned")
+            return
+        self._begin_motion()
+        self.mover.make_way(request.type)
+        if isinstance(request, crf.AppendJointsPath):
+            append = append_joints(request)
+        else:
+            append = append_task(request, self.mover.kinematics.forward(self.mover.q))
+        self._planner.add(append, len(request.data), (admitted, ticket))
+        self._plan()
+
+    def _command(self, request: crf.Request, admitted: Admitted) -> tuple[Expected[bool], str]:
+        match request:
+            case crf.SetVelocity() | crf.SetTorque():
+                return self._refer(request, admitted)
+            case crf.SetProfileVelocity() | crf.SetProfileAcceleration():
+                return self._set_profile(request)
+            case crf.SetParameters():
+                try:
+                    self.mover.tuning.apply(parameters_of(request).controller)
+                except ParametersRefused as refused:
+                    return Expected[bool].failed(refused.code), str(refused)
+            case crf.StartJointsControl() | crf.StartTaskControl():
+                if wrong := self._cannot_move():
+                    return wrong
+                self._begin_motion()
+        return Expected[bool].of(True), ""
+
+    def _refer(self, request: crf.SetVelocity | crf.SetTorque, admitted: Admitted) -> tuple[Expected[bool], str]:
+        if wrong := self._cannot_move():
+            return wrong
+        task = request.type == "task"
+        if task and isinstance(request, crf.SetVelocity) and self._too_singular():
+            return Expected[bool].failed(CrfCode.LowManipulability), "the arm is near a singularity"
+        token = admitted.verdict.token or self.access.token
+        timeout = None if request.timeout is None else int(request.timeout * 1e9)
+        fresh = self._guard.offer(StreamSample(token, request.sequence, request.stamp, timeout), self._now)
+        if not fresh.ok:
+            return Expected[bool].failed(fresh.code, fresh.detail), fresh.text
+        values = np.array(request.data)
+        if task and request.reference == 2:
+            rotation = self.mover.rotation()
+            values = np.concatenate([rotation @ values[:3], rotation @ values[3:]])
+        self._begin_motion()
+        self._cancel(CrfCode.Conflict, f"{request.command} takes over")
+        self.mover.follow(
+            Reference("velocity" if isinstance(request, crf.SetVelocity) else "torque", request.type, values)
+        )
+        return Expected[bool].of(True), ""
+
+    def _set_profile(self, request: crf.SetProfileVelocity | crf.SetProfileAcceleration) -> tuple[Expected[bool], str]:
+        what = "velocity" if isinstance(request, crf.SetProfileVelocity) else "acceleration"
+        name = f"{'joint' if request.type == 'joints' else 'task'}_{what}"
+        wanted = np.array(request.data)
+        self.mover.set_profile(replace(self.mover.profile, **{name: wanted}))
+        self._dispatcher.arm = configuration(self._arm, self.mover.profile, self.period_ns)
+        set_to = getattr(self.mover.profile, name)
+        bounded = bool((set_to < wanted).any())
+        return Expected[bool].of(True), f"bounded by the arm's limits: {set_to.tolist()}" if bounded else ""
+
+    def _begin_motion(self) -> None:
+        if self.mover.standing and not self._planner.busy:
+            self._codes.begin()
+
+    def _too_singular(self) -> bool:
+        return CrfCode.LowManipulability in self.mover.tuning.stops_on and self.mover.low_manipulability
+
+    def _cannot_move(self) -> tuple[Expected[bool], str] | None:
+        if self._tick is not None:
+            return None
+        return Expected[bool].failed(CrfCode.Forbidden), "the arm's driver is not there"
+
+
+def _pair(ticket: Any) -> tuple[Admitted, object]:
+    admitted, inner = ticket
+    return admitted, inner

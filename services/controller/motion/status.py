@@ -1,0 +1,113 @@
+"""What ``getStatus`` tells: measured signals, and the codes that have come up since motion began."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from schemas.crf import CrfCode
+from schemas.crf_requests import CrfVector
+from schemas.motion import ArmState, Expected, MotionStatus
+from schemas.orientation import CrfVec6, Orientation, TaskPose
+from services.controller.motion.kinematics import ArmKinematics
+from services.controller.trajectory.model import Array
+
+_UNMEASURED = CrfCode.MethodNotAllowed
+
+
+class StatusCodes:
+    """CRF's ``controllerStatus``: a set that a new motion begins anew and that grows until the next one."""
+
+    def __init__(self) -> None:
+        self._codes = {int(CrfCode.OK)}
+
+    def begin(self) -> None:
+        self._codes = {int(CrfCode.OK)}
+
+    def add(self, codes: Iterable[CrfCode]) -> None:
+        self._codes.update(int(code) for code in codes)
+
+    @property
+    def ascending(self) -> tuple[int, ...]:
+        return tuple(sorted(self._codes))
+
+
+class Observer:
+    """Makes signals of arm states. Accelerations are differences of measured velocities, so the second state is the
+    first to have one."""
+
+    def __init__(self, kinematics: ArmKinematics) -> None:
+        self._kinematics = kinematics
+        self._last: tuple[int, Array, Array] | None = None
+        self._rates: tuple[Array, Array] | None = None
+        self.state: ArmState | None = None
+
+    def see(self, state: ArmState) -> None:
+        self.state = state
+        q, dq = np.array(state.q), np.array(state.dq)
+        twist = self._kinematics.jacobian(q) @ dq
+        if self._last is not None and state.stamp > self._last[0]:
+            dt = (state.stamp - self._last[0]) * 1e-9
+            self._rates = ((dq - self._last[1]) / dt, (twist - self._last[2]) / dt)
+        self._last = (state.stamp, dq, twist)
+
+    def status(self, codes: tuple[int, ...], running: bool) -> MotionStatus:
+        """Without what priority access knows (``Dispatcher.complete`` adds it)."""
+        state, last = self.state, self._last
+        if state is None or last is None:
+            missing = CrfCode.NotInitialized
+            return MotionStatus(
+                status="deinitialize",
+                priority_under_control=0,
+                is_trajectory_running=Expected[bool].of(False),
+                controller_status=codes,
+                joint_positions=Expected[CrfVector].failed(missing),
+                joint_velocities=Expected[CrfVector].failed(missing),
+                joint_accelerations=Expected[CrfVector].failed(missing),
+                joint_force_torques=Expected[CrfVector].failed(missing),
+                task_pose=Expected[TaskPose].failed(missing),
+                task_velocity=Expected[CrfVec6].failed(missing),
+                task_acceleration=Expected[CrfVec6].failed(missing),
+                task_force_torque=Expected[CrfVec6].failed(missing),
+            )
+        pose = self._kinematics.forward(np.array(state.q))
+        wrench = np.concatenate([pose.rotation @ state.wrench[:3], pose.rotation @ state.wrench[3:]])
+        ddq, acceleration = self._rates or (None, None)
+        return MotionStatus(
+            status="initialize",
+            priority_under_control=0,
+            is_trajectory_running=Expected[bool].of(running),
+            controller_status=codes,
+            joint_positions=Expected[CrfVector].of(state.q),
+            joint_velocities=Expected[CrfVector].of(state.dq),
+            joint_accelerations=_joints(ddq),
+            joint_force_torques=Expected[CrfVector].of(state.efforts),
+            task_pose=Expected[TaskPose].of(
+                TaskPose(position=_three(pose.translation), orientation=Orientation.of(pose.rotation))
+            ),
+            task_velocity=Expected[CrfVec6].of(_six(last[2])),
+            task_acceleration=_task(acceleration),
+            task_force_torque=Expected[CrfVec6].of(_six(wrench)),
+            stamp=state.stamp,
+        )
+
+
+def _joints(values: Array | None) -> Expected[CrfVector]:
+    if values is None:
+        return Expected[CrfVector].failed(_UNMEASURED)
+    return Expected[CrfVector].of(tuple(values.tolist()))
+
+
+def _task(values: Array | None) -> Expected[CrfVec6]:
+    return Expected[CrfVec6].failed(_UNMEASURED) if values is None else Expected[CrfVec6].of(_six(values))
+
+
+def _three(values: Array) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _six(values: Array) -> tuple[float, float, float, float, float, float]:
+    a, b, c, d, e, f = values.tolist()
+    return a, b, c, d, e, f

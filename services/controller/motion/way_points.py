@@ -1,0 +1,30 @@
+"""Way-points of a request as the queue takes them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schemas import crf_requests as crf
+from services.controller.motion.planner import Append
+from services.controller.trajectory.model import Placement, Pose
+from services.controller.trajectory.queue import Method, MotionQueue, Reference
+
+
+def append_joints(request: crf.AppendJointsPath) -> Append:
+    points = [np.array(point) for point in request.data]
+
+    def append(queue: MotionQueue, t: float) -> MotionQueue:
+        return queue.append_joints(t, points)
+
+    return append
+
+
+def append_task(request: crf.AppendTaskPath, tcp: Placement) -> Append:
+    """``tcp``: where the tool is at the call, which reference 2 refers to."""
+    points = [Pose(np.array(pose.position), pose.orientation.rotation()) for pose in request.data]
+    method, reference = Method(request.method), Reference(request.reference)
+
+    def append(queue: MotionQueue, t: float) -> MotionQueue:
+        return queue.append_task(t, points, method, reference, tcp)
+
+    return append

@@ -1,0 +1,163 @@
+"""The controller on the bus: one thread, one inbox. Requests are answered as they come, commands go out with states."""
+
+from __future__ import annotations
+
+from bus import Bus, Event, Inbox, Presence, Refused, Request, Sample, Unavailable
+from bus.errors import CallTimeout
+from bus.log import get_logger
+from schemas import topics
+from schemas.motion import ArmCommand, ArmState, CrfAnswer
+from schemas.service import WORLD, ServiceId
+from schemas.world import Join, WorldRequest
+from services.controller.audit_writer import AuditWriter
+from services.controller.controller import Controller
+from services.controller.driver_link import DriverLink
+
+log = get_logger(__name__)
+
+SIMULATOR = ServiceId("sim", WORLD)
+READ_AHEAD = 64  # events taken in before a tick, so that it answers the newest state and yet is not put off for ever
+PLAN_POLL = 0.01  # seconds between looks for a plan while nothing else happens
+
+
+class ControllerService:
+    """Wires one arm to the bus. ``run`` returns when the bus stops."""
+
+    def __init__(self, bus: Bus, robot: str, joints: int, controller: Controller, audit: AuditWriter) -> None:
+        self._bus, self._robot, self._joints = bus, robot, joints
+        self._controller, self._audit = controller, audit
+        self._link = DriverLink(controller.period_ns)
+        self._state: ArmState | None = None
+        self._answer: ArmCommand | None = None
+        self._last_error = ""
+        self._command = bus.publisher(topics.ARM_COMMAND, robot)
+        self._status = bus.publisher(topics.MOTION_STATUS, robot)
+        self._events = bus.publisher(topics.MOTION_EVENT, robot)
+        self._inbox = self._subscribe()
+
+    def _subscribe(self) -> Inbox:
+        inbox = self._bus.inbox()
+        inbox.subscribe(topics.ARM_STATE, self._robot)
+        inbox.subscribe(topics.CLOCK, WORLD)
+        inbox.serve(topics.MOTION, self._robot)
+        inbox.serve(topics.MOTION_STOP, self._robot)
+        inbox.watch_services()
+        return inbox
+
+    def run(self) -> None:
+        self._bus.announce()
+        log.info("ready", robot=self._robot, epoch=self._controller.access.epoch)
+        while (event := self._next()) is not None or self._controller.busy:
+            for _ in range(READ_AHEAD):
+                if event is None:
+                    break
+                self.handle(event)
+                event = self._inbox.get(0)
+            if event is not None:
+                self.handle(event)
+            self._tick_if_due()
+            self._controller.poll()
+            self._tell()
+            self._join_if_needed()
+
+    def _next(self) -> Event | None:
+        """The next event; None when the bus stops, or for a look at the plan while a paused world says nothing."""
+        if not self._controller.busy:
+            return self._inbox.get()
+        event = self._inbox.get(PLAN_POLL)
+        if event is None:
+            self._controller.await_plan(PLAN_POLL)
+        return event
+
+    def handle(self, event: Event) -> None:
+        """Take in one event. What goes wrong here ends neither the service nor another request."""
+        try:
+            match event:
+                case Sample(topic=topics.ARM_STATE, message=state):
+                    self._hear(state)
+                case Sample(topic=topics.CLOCK, message=clock):
+                    self._void_if(self._link.clock(clock))
+                case Request(query=topics.MOTION, message=call):
+                    self._controller.request(call.session, call.text, event)
+                case Request(query=topics.MOTION_STOP, message=call):
+                    self._controller.stop_request(call.session, call.text, event)
+                case Presence(service=service, alive=alive) if service == SIMULATOR:
+                    self._void_if(self._link.presence(alive))
+                case _:
+                    pass
+        except Exception as error:
+            self._log_once(error)
+            if isinstance(event, Request):
+                event.refuse("internal", "the controller failed to answer; its log says more")
+        self._tell()
+
+    # -- the loop -----------------------------------------------------------------------------------------------------
+
+    def _hear(self, state: ArmState) -> None:
+        if len(state.q) != self._joints:
+            self._log_once(ValueError(f"the driver has {len(state.q)} joints, the arm {self._joints}"))
+            return
+        self._void_if(self._link.state(state.stamp))
+        self._state = state
+
+    def _void_if(self, why: str | None) -> None:
+        if why is not None:
+            log.warning(why, robot=self._robot)
+            self._state = self._answer = None
+            self._controller.begin_anew(why)
+
+    def _tick_if_due(self) -> None:
+        state, self._state = self._state, None
+        if state is None:
+            return
+        asked = self._link.asks(state.stamp)
+        if asked == "tick":
+            self._answer = self._tick(state)
+        if asked != "skip" and self._answer is not None:
+            self._command.put(self._answer)
+
+    def _tick(self, state: ArmState) -> ArmCommand | None:
+        """Nothing is commanded when a tick fails: a driver that hears nothing stops the arm."""
+        try:
+            return self._controller.tick(state, self._link.lockstep)
+        except Exception as error:
+            self._log_once(error)
+            self._controller.begin_anew(f"the controller failed: {type(error).__name__}: {error}")
+            return None
+
+    # -- what is told -------------------------------------------------------------------------------------------------
+
+    def _tell(self) -> None:
+        output = self._controller.take()
+        for event in output.events:
+            log.info(event.name, to=event.to, by=event.info.by, reason=event.info.reason, kind=event.info.kind)
+            self._events.put(event)
+        self._audit.put(output.audit)
+        for ticket, text in output.replies:
+            assert isinstance(ticket, Request)
+            ticket.reply(CrfAnswer(text=text))
+        if output.status is not None:
+            self._status.put(output.status)
+        for error in output.errors:
+            log.error("planning failed", exc_info=error)
+
+    def _log_once(self, error: Exception) -> None:
+        """With its traceback; an error that comes back at every tick is written once."""
+        text = f"{type(error).__name__}: {error}"
+        if text != self._last_error:
+            log.error(text, exc_info=error)
+        self._last_error = text
+
+    def _join_if_needed(self) -> None:
+        """Ask the simulator to wait for this controller's commands. A real robot is not asked."""
+        if not self._link.needs_join:
+            return
+        join = Join(robot=self._robot, service="controller", period_ns=self._controller.period_ns)
+        try:
+            self._bus.call(topics.WORLD_CONTROL, WorldRequest(request=join), timeout=2.0)
+        except Refused as refused:
+            log.error("the simulator refused the controller", code=refused.code, text=refused.text)
+        except (Unavailable, CallTimeout) as error:
+            self._log_once(error)
+            return  # it is announced and does not answer yet: its next message is the occasion to ask again
+        self._link.needs_join = False

@@ -1,0 +1,53 @@
+"""Everything that is compiled or imported at its first use is used once before the arm is ready."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import Executor, Future
+from typing import Any
+
+from schemas.motion import ArmState
+from services.controller import ik
+from services.controller.controller import Controller
+
+
+class Inline(Executor):
+    """Does at once what it is given."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def warm_up(arm: ik.Arm, period_ns: int) -> None:
+    """Drives an arm that is not there: along a line, around a corner, at a velocity, to a stop."""
+    controller = Controller(arm, period_ns, Inline(), lambda: "warm-up")
+    here = controller.mover.kinematics.forward(arm.home)
+    x, y, z = here.translation.tolist()
+    rows = {f"Row{i + 1}": row for i, row in enumerate(here.rotation.tolist())}
+    poses = [{"Position": [x, y, z + dz], "Orientation": {"Matrix": rows}} for dz in (-0.01, -0.02)]
+    near = (arm.home + 0.01).tolist()
+    requests: list[dict[str, Any]] = [
+        {"command": "appendPath", "type": "joints", "data": [near, arm.home.tolist()]},
+        {"command": "softStop"},
+        {"command": "appendPath", "type": "task", "data": poses, "method": 2, "reference": 1},
+        {"command": "appendPath", "type": "task", "data": poses[:1], "method": 2, "reference": 1},
+        {"command": "hardStop"},
+        {"command": "appendPath", "type": "task", "data": poses, "method": 1, "reference": 1},
+        {"command": "setVelocity", "type": "joints", "data": [0.01] * arm.n},
+        {"command": "setVelocity", "type": "task", "data": [0.01] * 6, "reference": 2},
+        {"command": "getStatus"},
+    ]
+    q, stamp = tuple(arm.home.tolist()), 0
+    for request in requests:
+        controller.request("warm-up", json.dumps({"priority": 1, **request}), None)
+        for _ in range(12):
+            still = (0.0,) * arm.n
+            state = ArmState(stamp=stamp, q=q, dq=still, efforts=still, wrench=(0.0,) * 6)
+            command = controller.tick(state, lockstep=True)
+            q = command.values if command.mode == "position" else q
+            stamp += period_ns
