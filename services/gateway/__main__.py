@@ -17,8 +17,10 @@ EPILOG = """Examples:\n
   python -m services.gateway --host 0.0.0.0 --expect amr1/planner --expect world/sim\n
 Everything else is set in the environment, as in RACKHAND_GATEWAY_SECRET=… or RACKHAND_GATEWAY_SERVICE_STATUS=201.
 """
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
+@app.command(epilog=EPILOG)
 def main(
     robot: Annotated[str | None, typer.Option(help="The robot this gateway is the API of (amr1).")] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on (127.0.0.1: this machine only).")] = None,
@@ -45,6 +47,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    app.command(epilog=EPILOG)(main)
     app()

@@ -1,6 +1,6 @@
 """Malformed bodies and frames by the thousand: always an answer, never a 500, never a traceback.
 
-``RACKHAND_FUZZ_EXAMPLES`` sets how many there are in all (300 if not given; tests/system makes 10,000).
+``RACKHAND_FUZZ_EXAMPLES`` sets how many there are in all (200 if not given; tests/system makes 10,000).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tests.gateway.test_websocket import client_frame, raw_websocket
 # The server, in its own thread, draws random numbers while hypothesis draws examples, which takes them for its own.
 pytestmark = pytest.mark.filterwarnings("ignore:Do not use the `random` module inside strategies")
 
-EXAMPLES = int(os.environ.get("RACKHAND_FUZZ_EXAMPLES", "300"))
+EXAMPLES = int(os.environ.get("RACKHAND_FUZZ_EXAMPLES", "200"))
 thorough = settings(
     max_examples=max(EXAMPLES // 2, 1),
     deadline=None,

@@ -12,12 +12,14 @@ from collections.abc import Iterator
 
 import httpx
 import pytest
+from typer.testing import CliRunner
 from websockets.sync.client import connect
 
 from bus import Bus, BusConfig, Presence, Request
 from schemas import topics
 from schemas.moves import Move, MoveReply
 from schemas.service import CELL, ServiceId
+from services.gateway.__main__ import app
 from tests.gateway import messages
 from tests.gateway.fake_bus import NOW
 from tests.gateway.harness import PATIENCE, Socket
@@ -93,7 +95,6 @@ def answer_moves(inbox: object) -> None:
             event.reply(MoveReply(moves=(move,)))
 
 
-@pytest.mark.system
 @pytest.mark.parametrize(
     ("options", "told"),
     [
@@ -101,11 +102,13 @@ def answer_moves(inbox: object) -> None:
         (("--port", "70000"), "port: Input should be less than or equal to 65535"),
     ],
 )
-def test_a_wrong_option_is_told_and_nothing_is_started(endpoint: str, options: tuple[str, ...], told: str) -> None:
-    process = start(endpoint, *options)
-    _, text = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 2
-    assert told in " ".join(text.replace("│", " ").split())
+def test_a_wrong_option_is_told_and_nothing_is_started(
+    monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], told: str
+) -> None:
+    monkeypatch.setattr("services.gateway.__main__.run", lambda _settings: pytest.fail("it was started"))
+    result = CliRunner().invoke(app, options)
+    assert result.exit_code == 2
+    assert told in " ".join(result.output.replace("│", " ").split())
 
 
 @pytest.mark.system
