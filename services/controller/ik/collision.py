@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 # Columns of the table of rows: joint and centre of one sphere, of the other, the distance at contact, keep out or in
 # (±1).
 JOINT_A, CENTER_A, JOINT_B, CENTER_B, CONTACT, SENSE, COLUMNS = 0, 1, 4, 5, 8, 9, 10
+RETREAT = 5.0  # [1/s] how fast a gap smaller than that is opened again
 LEVER = 2.0  # [m] more than any sphere is away from any axis
 RESERVE = 2e-3  # [m] short of contact at which rows stop a closing gap, so that at rest the guard has nothing to do
 
@@ -113,7 +114,10 @@ def collision_rows(table, acceleration, dt, frames, rows, bounds, gaps):  # type
         for i in range(rows.shape[1]):
             rows[r, i] = -rows[r, i]
             brake += 0.25 * abs(rows[r, i]) * acceleration[i]
-        bounds[r] = max(0.0, math.sqrt(2.0 * brake * max(0.0, gaps[r] - RESERVE)) - 0.5 * brake * dt)
+        if gaps[r] > RESERVE:
+            bounds[r] = max(0.0, math.sqrt(2.0 * brake * (gaps[r] - RESERVE)) - 0.5 * brake * dt)
+        else:
+            bounds[r] = RETREAT * max(gaps[r] - RESERVE, -RESERVE)
 
 
 @njit(cache=True)

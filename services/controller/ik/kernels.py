@@ -255,72 +255,72 @@ def normal_matrix(jac, weights, damping, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def pull(jac, weights, twist, out):  # type: ignore[no-untyped-def]
-    """Fill out = Jᵀ W twist."""
-    for i in range(jac.shape[1]):
-        total = 0.0
-        for r in range(6):
-            total += weights[r] * jac[r, i] * twist[r]
-        out[i] = total
+def descend(placements, limits, tuning, target, goal):  # type: ignore[no-untyped-def]
+    """Move `goal` (n,) to a posture with the tool at `target`, or the nearest within limits. Returns the error left.
 
-
-@njit(cache=True)
-def look_ahead(placements, limits, tuning, q, target, step):  # type: ignore[no-untyped-def]
-    """Refine `step` (n,) [rad], a first guess of the way from q to `target`, to where the joints will come to rest:
-    at the target, or at the posture nearest to it when it is out of reach. Returns the error that remains there.
-
-    Braking has to know the whole way: along a curved one, a single Newton step is off by a quarter; towards a target
-    out of reach it overshoots from one side of the singularity to the other, for ever. Levenberg-Marquardt with gain
-    control.
-    """
-    n = q.shape[0]
+    Levenberg-Marquardt with gain control."""
+    n = goal.shape[0]
     weights = tuning[WEIGHTS : WEIGHTS + 6]
-    frames, jac, error, h = np.empty((n + 1, 3, 4)), np.empty((6, n)), np.empty(6), np.empty((n, n))
-    c, low, high, more, there = np.empty(n), np.empty(n), np.empty(n), np.zeros(n), q.copy()
-    forward(placements, q, frames)
-    least, damping, predicted = pose_error(frames[n], target, weights, error), 0.0, 0.0
-    for i in range(n):
-        more[i] = min(max(q[i] + step[i], limits[0, i]), limits[1, i]) - q[i]
+    frames, error, jac, h = np.empty((n + 1, 3, 4)), np.empty(6), np.empty((6, n)), np.empty((n, n))
+    c, low, high, step, trial = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(6)
+    forward(placements, goal, frames)
+    least, damping = pose_error(frames[n], target, weights, error), 0.0
     for _ in range(LOOKS):
-        forward(placements, there + more, frames)
-        squared = pose_error(frames[n], target, weights, error)
-        gain = least - squared
-        # Where curvature rules (out of reach), a gain of half of what was predicted is that of the exact step.
-        if gain > 0.75 * predicted:
-            damping *= 0.5
-        elif gain < 0.4 * predicted:
-            damping = max(2.5 * damping, 0.1 * math.sqrt(least))
-        if gain > 0.0:
-            least = squared
-            there += more
-        else:
-            forward(placements, there, frames)
-            pose_error(frames[n], target, weights, error)
         jacobian(frames, jac)
         normal_matrix(jac, weights, tuning[DAMPING] + damping, h)
-        pull(jac, weights, error, c)
+        c[:] = (weights * error) @ jac
         for i in range(n):
-            low[i], high[i], more[i] = limits[0, i] - there[i], limits[1, i] - there[i], 0.0
-        solve_box(h, c, low, high, more)
-        largest, predicted = 0.0, 0.0
-        for i in range(n):
-            largest = max(largest, abs(more[i]))
-            predicted += more[i] * (damping * more[i] + c[i])
-        if largest < 1e-5:
+            low[i], high[i], step[i] = limits[0, i] - goal[i], limits[1, i] - goal[i], 0.0
+        solve_box(h, c, low, high, step)
+        if np.max(np.abs(step)) < 1e-5:
             break
-    for i in range(n):
-        step[i] = there[i] - q[i]
+        predicted = np.sum(step * (damping * step + c))
+        forward(placements, goal + step, frames)
+        squared = pose_error(frames[n], target, weights, trial)
+        # Where curvature rules (out of reach), a gain of half of what was predicted is that of the exact step.
+        if least - squared > 0.75 * predicted:
+            damping *= 0.5
+        elif least - squared < 0.4 * predicted:
+            damping = max(2.5 * damping, 0.1 * math.sqrt(least))
+        if squared < least:
+            goal += step
+            error[:], least = trial, squared
+        else:
+            forward(placements, goal, frames)
     return math.sqrt(least)
 
 
 @njit(cache=True)
-def tick(placements, limits, tuning, wish, q, v, target, twist, frames, h, box, out, report):  # type: ignore[no-untyped-def]
+def look_ahead(placements, limits, tuning, q, target, goal):  # type: ignore[no-untyped-def]
+    """Move `goal` (n,), that of the tick before or NaN, to where the joints will come to rest: at `target`, or at the
+    posture nearest to it when it is out of reach. Returns the error that remains there.
+
+    Braking has to know the whole way: along a curved one, a single Newton step is off by a quarter; towards a target
+    out of reach it overshoots from one side of the singularity to the other, for ever. Starts from the old goal unless
+    the arm itself is nearer; where that leads nowhere, home may lead to the target."""
+    frames, error = np.empty((q.shape[0] + 1, 3, 4)), np.empty(6)
+    forward(placements, goal, frames)
+    least = pose_error(frames[-1], target, tuning[WEIGHTS : WEIGHTS + 6], error)
+    forward(placements, q, frames)
+    if not least < pose_error(frames[-1], target, tuning[WEIGHTS : WEIGHTS + 6], error):  # also if the goal is NaN
+        goal[:] = q
+    remains = descend(placements, limits, tuning, target, goal)
+    if remains > REACH:
+        other = limits[4].copy()
+        if descend(placements, limits, tuning, target, other) < 0.5 * remains:
+            goal[:] = other
+            remains = descend(placements, limits, tuning, target, goal)
+    return remains
+
+
+@njit(cache=True)
+def tick(placements, limits, tuning, wish, q, v, target, twist, goal, frames, h, box, out, report):  # type: ignore[no-untyped-def]
     """One control tick without collision rows: fill `out` (n,) with the joint velocity for the coming period.
 
     `target` (3, 4) is where the tool ought to be now, `twist` (6,) how the target moves in the coming period (axes of
     the base, point at the tool). `wish` (n,) is the joint velocity that the objectives ask for; they get what the
-    task leaves over. Fills `frames`, the QP min ½vᵀHv - cᵀv with H in `h`, bounds in `box[0]` and `box[1]`, c in
-    `box[2]`, and `report`. Input that is not finite brakes. In three steps:
+    task leaves over; `goal` (n,) is kept from tick to tick. Fills `frames`, the QP min ½vᵀHv - cᵀv with H in `h`,
+    bounds in `box[0]` and `box[1]`, c in `box[2]`, and `report`. Input that is not finite brakes. In three steps:
 
     1. The velocity wished for: k step/dt + flow + idle. `step` leads to the target, k ≤ 1 is what can be braked in
        time, `flow` feeds the target's motion forward. One factor slows both where a joint would exceed its velocity
@@ -349,17 +349,18 @@ def tick(placements, limits, tuning, wish, q, v, target, twist, frames, h, box, 
         damping += tuning[SINGULAR_DAMPING] * (1.0 - measure / tuning[SINGULAR_AT]) ** 2
     normal_matrix(jac, weights, damping, h)
     cholesky(h, n, factor)
-    pull(jac, weights, error, step)
+    step[:] = (weights * error) @ jac
     cholesky_solve(factor, n, step, step)
     scale, reach = braked(step, limits[2], limits[3], dt), 1.0
     if scale < 1.0 or np.max(np.abs(error - jac @ step)) > 0.1 * REACH:
-        remains = look_ahead(placements, limits, tuning, q, target, step)
+        remains = look_ahead(placements, limits, tuning, q, target, goal)
+        step[:] = goal - q
         reach = max(0.0, 1.0 - remains / REACH)
         scale = min(braked(step, limits[2], limits[3], dt), reach + (1.0 - reach) * SETTLING * dt)
     for r in range(3):
         feed[r] = tool[0, r] * twist[0] + tool[1, r] * twist[1] + tool[2, r] * twist[2]
         feed[r + 3] = tool[0, r] * twist[3] + tool[1, r] * twist[4] + tool[2, r] * twist[5]
-    pull(jac, weights, feed, flow)
+    flow[:] = (weights * feed) @ jac
     cholesky_solve(factor, n, flow, flow)
     for i in range(n):
         idle[i] = tuning[DAMPING] * min(max(wish[i], -limits[2, i]), limits[2, i])
@@ -415,7 +416,7 @@ def search(placements, limits, weights, q, target, tolerance, iterations):  # ty
                 break
             mark = least
         normal_matrix(jac, weights, 1e-12 + 1e-3 * squared, h)
-        pull(jac, weights, error, c)
+        c[:] = (weights * error) @ jac
         for i in range(n):
             low[i], high[i] = max(limits[0, i] - q[i], -1.0), min(limits[1, i] - q[i], 1.0)
             step[i] = 0.0

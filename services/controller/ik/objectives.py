@@ -43,7 +43,9 @@ class DesiredJointPositions:
 
     def velocity(self, q: Array) -> Array:
         """-∂cost/∂q."""
-        return np.nan_to_num(self.c * (self.attraction - q))
+        offset = self.attraction - q
+        offset[np.isnan(offset)] = 0.0
+        return self.c * offset
 
 
 @dataclass

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +52,7 @@ class Settings:
     collision_margin: float = 0.01  # [m] kept between spheres
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(NamedTuple):
     """What one tick found.
 
     `codes` are those of 800, 801, 802 and 804 that hold, the least severe first, none if all is well:
@@ -83,6 +83,7 @@ class DifferentialIk:
         n = arm.n
         self._frames, self._report = np.empty((n + 1, 3, 4)), np.empty(k.REPORT)
         self._h, self._box, self._out = np.empty((n, n)), np.empty((3, n)), np.empty(n)
+        self._goal = np.full(n, np.nan)  # where the joints come to rest, as the last tick saw it
         self._no_wish, self._no_twist = np.zeros(n), np.zeros(6)
         self.set_zones(())
 
@@ -125,7 +126,7 @@ class DifferentialIk:
         twist = self._no_twist if twist is None else twist
         out, report = self._out, self._report
         k.tick(
-            self.arm.placements, self._limits, self._tuning, wish, q, v, target, twist,
+            self.arm.placements, self._limits, self._tuning, wish, q, v, target, twist, self._goal,
             self._frames, self._h, self._box, out, report,
         )  # fmt: skip
         scale, measure, linear, angular, solver = report.tolist()
@@ -139,7 +140,7 @@ class DifferentialIk:
             flags |= _SINGULAR
         if linear > settings.linear_tolerance or angular > settings.angular_tolerance:
             flags |= _OFF_TARGET
-        return Step(out.copy(), _CODES[flags], scale, measure, linear, angular, Solver(int(solver)))
+        return Step(out.copy(), _CODES[flags], scale, measure, linear, angular, _SOLVERS[int(solver)])
 
     def _hold_rows(self, row_solver: RowSolver, q: Array, solver: float) -> tuple[float, int]:
         """Replace the velocity in `_out` where it breaks a row; which solver it then is from, and the flags raised."""
@@ -147,11 +148,20 @@ class DifferentialIk:
         acceleration = self.arm.limits.acceleration
         collision_rows(self._table, acceleration, self.dt, self._frames, rows, bounds, self._gaps)
         lower, upper, c = self._box
-        # Braking every joint as hard as it can is always possible: a row that asks for more than that, asks for that.
         braking = np.clip(0.0, lower, upper)
         if np.any(rows @ out > bounds):
-            bounds = np.maximum(bounds, rows @ braking)
-            out[:], proven = row_solver.solve(self._h, c, lower, upper, rows, bounds, braking)
+            # The box always holds braking, and backing out of the worst rows from there as far as it goes: where rows
+            # ask for more than that, they ask for that. So there always is a solution.
+            safe = braking
+            for _ in range(_BACKING):
+                excess = rows @ safe - bounds
+                worst = int(excess.argmax())
+                if excess[worst] <= 0.0:
+                    break
+                away = rows[worst] / max(rows[worst] @ rows[worst], 1e-9)
+                safe = np.clip(safe - excess[worst] * away, lower, upper)
+            bounds = np.maximum(bounds, rows @ safe)
+            out[:], proven = row_solver.solve(self._h, c, lower, upper, rows, bounds, safe)
             solver, flags = k.ROWS, 0 if proven else _UNPROVEN
         trial = out
         for part in (0.75, 0.5, 0.25, 0.0):
@@ -163,6 +173,8 @@ class DifferentialIk:
         return solver, flags
 
 
+_SOLVERS = tuple(Solver)
+_BACKING = 12  # projections onto the worst row
 # Codes in CRF's order of severity, and the tuple for every combination, so that a tick builds none.
 _SINGULAR, _OFF_TARGET, _UNPROVEN, _HELD = 1, 2, 4, 8
 _ORDER = (
@@ -175,9 +187,9 @@ _CODES = tuple(tuple(code for bit, code in _ORDER if flags & bit) for flags in r
 
 
 def limit_table(arm: Arm) -> Array:
-    """Limits as the kernels read them, (4, n): lower, upper, velocity, acceleration."""
+    """Limits as the kernels read them, (5, n): lower, upper, velocity, acceleration, home."""
     limits = arm.limits
-    return np.vstack([limits.lower, limits.upper, limits.velocity, limits.acceleration])
+    return np.vstack([limits.lower, limits.upper, limits.velocity, limits.acceleration, arm.home])
 
 
 def forward(arm: Arm, q: Array) -> Array:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from services.controller.ik import Arm, load_arm, velocity_box
 from services.controller.ik import kernels as k
-from services.controller.ik.collision import Zone, build_table, collision_rows, gap
+from services.controller.ik.collision import RESERVE, Zone, build_table, collision_rows, gap
 from services.controller.ik.objectives import (
     CollisionAvoidanceSphere,
     DesiredJointPositions,
@@ -96,7 +96,8 @@ def test_collision_rows_by_finite_differences(arm: Arm) -> None:
             slope = (gap(pair, ahead, other) - gap(pair, behind, other)) / 2e-6
             assert row @ dq == pytest.approx(slope, abs=1e-6)
             np.testing.assert_array_equal(rows[i], -row)
-        assert np.all(bounds >= 0)
+        assert np.all(bounds[gaps > RESERVE] >= 0)
+        assert np.all(bounds[gaps < RESERVE] <= 0)
 
 
 def random_qp(seed: int, n: int) -> tuple[np.ndarray, ...]:

@@ -83,13 +83,13 @@ def test_edge_of_reach_slows_waits_and_comes_back(arm: Arm) -> None:
     def path(t: float) -> np.ndarray:
         return moved(start, 0.75 * out * (eased(t, 2.5) - eased(t - 4.5, 2.5)))
 
-    run = follow(ik, path, 8.0, arm.home)
+    run = follow(ik, path, 9.0, arm.home)
     waiting = slice(round(3.5 / ik.dt), round(4.5 / ik.dt))
     assert np.max(np.abs(np.array(run.v)[waiting])) < 0.02
     assert 150 < run.errors_mm()[waiting].max() < 450
     assert CrfCode.EndEffectorToleranceViolation in run.steps[round(4 / ik.dt)].codes
     assert run.errors_mm()[-100:].max() < 0.01
-    assert flips(run.v, arm, ik.dt) < 100
+    assert flips(run.v, arm, ik.dt) < 40
 
 
 def test_a_target_beyond_reach_is_approached_and_held(arm: Arm) -> None:
