@@ -15,8 +15,8 @@ Why a move fails, and when:
   7  starting_equal_ending      at start: within the goal's accuracy, and within 2 degrees of its heading if it has one;
                                 not for a zone, which then succeeds at once
   9  calculation_failed         at start: on map and overlays the inscribed circle has no way from start to goal
- 10  calculation_timeout        at start: a search expanded ``max_expansions`` cells or states without an answer
- 11  no_global_path             at start: on map and overlays the circle has a way, the body none; or the body has one
+ 10  calculation_timeout        at start*: a search expanded ``max_expansions`` cells or states without an answer
+ 11  no_global_path             at start*: on map and overlays the circle has a way, the body none; or the body has one
                                 but unmapped things seal it for longer than ``sealed_patience``
  14  planning_timeout           later: there has been no way for ``planning_timeout``
  15  move_timeout               there is a way, but no headway on it for ``move_timeout``: a person stands in it, the
@@ -25,6 +25,8 @@ Why a move fails, and when:
                                 brakes as soon as a scan is blind or ``scan_timeout`` has passed
  18  rotate_timeout             a turn to the goal's heading comes no nearer to it for ``rotate_timeout``
 ==== ========================== =======================================================================================
+
+* or in the first ticks, before a wheel turns: a long search goes on in slices of ``expansions_per_tick``.
 """
 
 from __future__ import annotations

@@ -12,8 +12,14 @@ from PIL import Image
 from schemas.base import Pose2, Twist2
 from schemas.chassis import Scan
 from schemas.maps import MapData
-from services.planner.interface import Goal, Navigator, Observation
+from services.planner.interface import STANDSTILL, Goal, Navigator, Observation
+from services.planner.navigation.footprint import Footprint
+from services.planner.navigation.grid import load_map
+from services.planner.navigation.mppi import Mppi
+from services.planner.navigation.plan import GlobalPlanner, Target
+from services.planner.navigation.room import Room
 from services.planner.navigation.settings import NavigationSettings
+from services.planner.navigation.yielding import least_gap
 
 TICK = 40_000_000
 
@@ -32,6 +38,22 @@ def warm_up(settings: NavigationSettings, make: Callable[[NavigationSettings], N
     navigator.start(Goal(4.0, 2.5, 0.0), _seen(3 * TICK))
     navigator.tick(_seen(3 * TICK))
     navigator.brake(_seen(4 * TICK))
+    _give_way(settings)
+
+
+def _give_way(settings: NavigationSettings) -> None:
+    """Somebody comes towards the chassis: what real moves meet only when somebody does."""
+    static = load_map(_room(), settings.slow_zone_velocity)
+    room = Room.of(static.blocked, static.geometry)
+    footprint = Footprint.of(np.array([(0.4, 0.2), (-0.4, 0.2), (-0.4, -0.2), (0.4, -0.2)]))
+    here, goal = np.array([1.0, 2.5, 0.0]), np.array([4.0, 2.5, 0.0])
+    movers = np.array([(3.0, 2.5, -1.0, 0.0, 0.25)])
+    plan = GlobalPlanner(static.geometry, footprint, settings).plan(here, Target(4.0, 2.5, 0.0), static.blocked)
+    least_gap(here, plan.segments[0].points, 0.5, movers, footprint.edges, settings.yield_horizon)
+    Mppi(settings).command(
+        here, STANDSTILL, STANDSTILL, room, plan.cost, static.geometry, goal, movers, footprint,
+        settings.control.max_forward_velocity,
+    )  # fmt: skip
 
 
 def _room(corridor: bool = False) -> MapData:

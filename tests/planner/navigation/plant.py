@@ -131,7 +131,9 @@ def _cast(x: float, y: float, yaw: float, segments: Array, discs: Array, n: int,
 
 
 def overlap(a: Array, b: Array) -> bool:
-    """Whether two convex polygons overlap (separating axes)."""
+    """Whether two convex polygons overlap (separating axes, first those of the frame)."""
+    if (a.max(axis=0) < b.min(axis=0)).any() or (b.max(axis=0) < a.min(axis=0)).any():
+        return False
     for polygon in (a, b):
         sides = np.roll(polygon, -1, axis=0) - polygon
         for normal in np.column_stack([sides[:, 1], -sides[:, 0]]):

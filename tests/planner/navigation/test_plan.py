@@ -36,10 +36,13 @@ def straight_corridor(width: float) -> Hall:
 
 
 def refused(begin, goal: Goal, reason: Reason, **where: object) -> str:
+    """Refused before a wheel turns: by ``start``, or by a tick soon after for what needs a long search."""
     navigator, plant = begin(**where)
     with pytest.raises(MoveFailed) as failed:
         navigator.start(goal, plant.observe())
+        keep_on(navigator, plant, 5)
     assert failed.value.reason is reason, failed.value.text
+    assert all(abs(command.linear) + abs(command.angular) < 1e-9 for _, command in plant.commands)
     return failed.value.text
 
 
