@@ -14,7 +14,7 @@ from typing import Any
 import httpx
 import pytest
 import zenoh
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from websockets.sync.client import ClientConnection, connect
 
@@ -23,8 +23,12 @@ from tests.system.cell import Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard
 
+pytestmark = pytest.mark.timeout(900)
+
 EXAMPLES = int(os.environ.get("RACKHAND_FUZZ_EXAMPLES", "10000"))
-SHARE = max(1, EXAMPLES // 4)
+# Of all that is sent: bodies and paths over HTTP, frames over the WebSocket, and the rest as payloads over Zenoh.
+BODIES, PATHS, FRAMES = EXAMPLES * 15 // 100, EXAMPLES * 5 // 100, EXAMPLES * 20 // 100
+PAYLOADS = EXAMPLES - BODIES - 2 * PATHS - FRAMES
 
 POSTS = ("/chassis/moves", "/chassis/current-map", "/chassis/pose", "/maps/", "/services/jack_up",
          "/services/wheel_control/set_control_mode", "/services/wheel_control/set_emergency_stop")  # fmt: skip
@@ -48,7 +52,11 @@ bodies = (
     )
 )
 bounded = settings(
-    max_examples=SHARE, deadline=None, database=None, derandomize=True, suppress_health_check=list(HealthCheck)
+    deadline=None,
+    database=None,
+    derandomize=True,
+    phases=[Phase.generate],
+    suppress_health_check=list(HealthCheck),
 )
 
 
@@ -89,13 +97,13 @@ def check(answer: httpx.Response) -> None:
 
 
 @given(path=st.sampled_from(POSTS), body=bodies)
-@bounded
+@settings(bounded, max_examples=max(1, BODIES))
 def test_http_posts(client: httpx.Client, path: str, body: bytes) -> None:
     check(client.post(path, content=body, headers={"Content-Type": "application/json"}))
 
 
 @given(path=st.sampled_from(PATCHES), body=bodies, get=st.sampled_from(GETS), name=st.text(max_size=20))
-@settings(bounded, max_examples=max(1, SHARE // 2))
+@settings(bounded, max_examples=max(1, PATHS))
 def test_http_patches_and_paths(client: httpx.Client, path: str, body: bytes, get: str, name: str) -> None:
     check(client.patch(path, content=body))
     check(client.get(get.format("".join(f"%{byte:02X}" for byte in name.encode("utf-8", "replace")))))
@@ -119,7 +127,7 @@ frames = (
 
 
 @given(frame=frames)
-@bounded
+@settings(bounded, max_examples=max(1, FRAMES))
 def test_websocket_frames(socket: ClientConnection, frame: str | bytes) -> None:
     socket.send(frame)
 
@@ -138,7 +146,7 @@ def test_zenoh_payloads(cell: Cell) -> None:
     rng = random.Random(5)
     with zenoh.open(cell.bus_config().zenoh_config()) as session:
         session.liveliness().declare_subscriber("rackhand/amr1/alive/planner", history=True).recv()
-        for _ in range(SHARE):
+        for _ in range(PAYLOADS):
             row: Any = rng.choice((*TOPICS, *QUERIES))
             payload = bytes(rng.randrange(256) for _ in range(rng.randrange(40)))
             if rng.random() < 0.5:
