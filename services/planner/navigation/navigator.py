@@ -45,7 +45,6 @@ from services.planner.navigation.estimator import PoseFilter
 from services.planner.navigation.footprint import Footprint
 from services.planner.navigation.goals import check_goal, check_start, is_there
 from services.planner.navigation.grid import load_map
-from services.planner.navigation.mppi import Mppi
 from services.planner.navigation.plan import GlobalPlanner, NoWay, Plan, Target
 from services.planner.navigation.route import Route
 from services.planner.navigation.run import Pending, Run
@@ -55,10 +54,9 @@ from services.planner.navigation.settings import NavigationSettings
 from services.planner.navigation.surroundings import Surroundings
 from services.planner.navigation.warmup import warm_up
 from services.planner.navigation.watch import ProgressWatch
-from services.planner.navigation.yielding import least_gap
+from services.planner.navigation.yielding import GiveWay
 
 PERIOD = 0.04  # s; the nominal tick
-YIELD_HOLD = 0.4  # s that making way goes on after the last reason for it
 STEPS_ASIDE = 0.5  # m from what blocks the way to what moved lately, to take them for the same
 DRIFT = 0.1  # m driven while a search went on, after which its way begins in the wrong place
 ASIDE = 0.05  # m beyond the goal's accuracy: pushed aside while turning
@@ -78,7 +76,7 @@ class ChassisNavigator:
         self.settings = settings or NavigationSettings()
         self._filter = PoseFilter(self.settings.noise)
         self._senses = Senses(self.settings)
-        self._mppi = Mppi(self.settings)
+        self._give_way = GiveWay(self.settings)
         self._footprint = Footprint.of(np.array(LONGEJACK_BODY))
         self._around: Surroundings | None = None
         self._planner: GlobalPlanner | None = None
@@ -132,6 +130,7 @@ class ChassisNavigator:
                 f"the chassis is at the goal ({target.x:.3f}, {target.y:.3f}) already, within {goal.accuracy} m",
             )
         self._senses.begin(seen.stamp)
+        self._give_way.begin()
         run = Run(goal, target, ProgressWatch(self.settings, seen.stamp), seen.stamp)
         if turn_only:
             run.phase = "rotating"
@@ -287,7 +286,10 @@ class ChassisNavigator:
         """The twist wanted in this phase; goes on to the next phase where one ends."""
         around, s = self._surroundings(), self.settings
         if self._must_give_way(run, pose, seen):
-            return self._give_way(run, pose, seen)
+            cost = run.route.plan.cost if run.route is not None else NO_FIELD
+            goal = np.array([run.target.x, run.target.y, pose[2] if run.target.yaw is None else run.target.yaw])
+            ahead = self._predicted(pose, seen.twist)
+            return self._give_way.command(ahead, seen.twist, self._command, around, cost, goal, self._footprint)
         if run.search is not None:
             return STANDSTILL  # a long search is for tight places: think, then go
         if run.phase == "driving" and run.route is not None:
@@ -318,30 +320,12 @@ class ChassisNavigator:
         return STANDSTILL
 
     def _must_give_way(self, run: Run, pose: Pose, seen: Observation) -> bool:
-        """Whether something that moves will come too near, standing or going on; holds on for a moment."""
-        movers = self._surroundings().movers.rows()
-        if not len(movers) or run.phase == "done":
+        """Whether something that moves will come too near. A chassis that may only turn on the spot cannot make way."""
+        if run.phase == "done" or run.turn_only or run.goal.rotate_in_place:
             return False
-        s = self.settings
         path = run.route.ahead() if run.route is not None and run.phase == "driving" else pose[None]
-        gap = min(
-            least_gap(pose, path, speed, movers, self._footprint.edges, s.yield_horizon)
-            for speed in {0.0, max(abs(seen.twist.linear), 0.5)}
-        )
-        if gap < s.yield_distance:
-            if seen.stamp >= run.yield_until:
-                self._mppi.restart()
-            run.yield_until = seen.stamp + int(YIELD_HOLD * NANOSECONDS)
-        return seen.stamp < run.yield_until
-
-    def _give_way(self, run: Run, pose: Pose, seen: Observation) -> Twist2:
-        around = self._surroundings()
-        cost = run.route.plan.cost if run.route is not None else NO_FIELD
-        goal = np.array([run.target.x, run.target.y, pose[2] if run.target.yaw is None else run.target.yaw])
-        return self._mppi.command(
-            self._predicted(pose, seen.twist), seen.twist, self._command, around.near, cost,
-            around.static.geometry, goal, around.movers.rows(), self._footprint, around.speed_limit(pose),
-        )  # fmt: skip
+        movers = self._surroundings().movers.rows()
+        return self._give_way.is_due(pose, path, abs(seen.twist.linear), movers, self._footprint, seen.stamp)
 
     def _arrive(self, run: Run, pose: Pose, stamp: int) -> None:
         """At rest where driving or turning ended: done, turn, or go once more for what was missed."""

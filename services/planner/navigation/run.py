@@ -42,7 +42,6 @@ class Run:
     replanned: bool = False
     held: bool = False
     no_way: NoWay | None = None
-    yield_until: int = 0
 
     @property
     def turn_only(self) -> bool:

@@ -1,4 +1,4 @@
-"""Whether something that moves will come too near, if the chassis stands or goes on as it means to."""
+"""Giving way: whether something that moves will come too near, and the twist that avoids it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,55 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.base import NANOSECONDS, Twist2
 from services.planner.navigation.compiled import compiled
+from services.planner.navigation.field import Field
+from services.planner.navigation.footprint import Footprint
+from services.planner.navigation.mppi import Mppi
 from services.planner.navigation.se2 import Pose
+from services.planner.navigation.settings import NavigationSettings
+from services.planner.navigation.surroundings import Surroundings
 
 Array = NDArray[np.float64]
 STEP = 0.2  # s
+HOLD = 0.4  # s that making way goes on after the last reason for it
+LEAST_SPEED = 0.5  # m/s at which a chassis that is about to go is taken to go
+
+
+class GiveWay:
+    """MPPI, while something that moves will come too near."""
+
+    def __init__(self, settings: NavigationSettings) -> None:
+        self._settings = settings
+        self._mppi = Mppi(settings)
+        self._until = 0
+
+    def begin(self) -> None:
+        """A move begins: nothing to make way for yet."""
+        self._until = 0
+
+    def is_due(self, pose: Pose, path: Array, speed: float, movers: Array, footprint: Footprint, stamp: int) -> bool:
+        """Whether a mover comes too near if the chassis stands, or goes on along ``path``; holds on for a moment."""
+        if not len(movers):
+            return False
+        gap = min(
+            least_gap(pose, path, going, movers, footprint.edges, self._settings.yield_horizon)
+            for going in (0.0, max(speed, LEAST_SPEED))
+        )
+        if gap < self._settings.yield_distance:
+            if stamp >= self._until:
+                self._mppi.restart()
+            self._until = stamp + int(HOLD * NANOSECONDS)
+        return stamp < self._until
+
+    def command(
+        self, pose: Pose, measured: Twist2, last: Twist2, around: Surroundings, cost: Field, goal: Pose, body: Footprint
+    ) -> Twist2:
+        """The twist wanted now; arguments as of ``Mppi.command``."""
+        return self._mppi.command(
+            pose, measured, last, around.near, cost, around.static.geometry, goal, around.movers.rows(), body,
+            around.speed_limit(pose),
+        )  # fmt: skip
 
 
 @compiled
