@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -213,9 +214,9 @@ def test_a_torque_ends_in_a_stop_after_100_ms() -> None:
     cell = PerfectArm()
     cell.ok("a", command="setTorque", type="joints", data=[2.0] * 6)
     cell.advance(0.096)
-    assert cell.command is not None and cell.command.mode == "torque"
+    assert cell.tick().mode == "torque"
     cell.advance(0.008)
-    assert cell.command.mode == "position"
+    assert cell.tick().mode == "position"
     cell.until_rest(0.5)
 
 
@@ -413,7 +414,7 @@ def test_bad_parameters_change_nothing() -> None:
 def test_a_sphere_is_not_entered() -> None:
     cell = PerfectArm()
     tip = cell.tool()[:, 3]
-    center = (tip + [0.0, 0.3, 0.0]).tolist()
+    center = (tip + np.array([0.0, 0.3, 0.0])).tolist()
     sphere = {"enable": True, "center": center, "radius": 0.1, "blend": 0.0}
     cell.ok(
         "a",
@@ -438,7 +439,7 @@ def test_a_stop_condition_stops_the_arm() -> None:
     straight[4] = 0.02
     cell.ok("a", command="appendPath", type="joints", data=[straight.tolist()])
     cell.until_rest()
-    answer = {"message": {}}
+    answer: dict[str, Any] = {}
     for _ in range(10):
         answer = cell.ask("a", command="setVelocity", priority=10, type="task", data=[0.05] * 6, reference=1)
         cell.advance(0.04)

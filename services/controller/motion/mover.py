@@ -43,6 +43,9 @@ class Reference:
     space: Literal["joints", "task"]
     values: Array
 
+    def continues_as(self, other: Reference) -> bool:
+        return (self.signal, self.space) == (other.signal, other.space)
+
 
 class Mover:
     """One arm's motion. See the module."""

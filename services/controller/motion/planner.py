@@ -94,7 +94,8 @@ class PathPlanner:
     def collect(self, t: float, tick: bool, lockstep: bool) -> tuple[list[Answered], MotionQueue | None]:
         """Answers that are known, and the queue to drive from ``t`` on if there is a new one.
 
-        ``t`` is the time of this tick or, between two, of the last one. ``lockstep``: a plan that is due at this tick is waited for.
+        ``t`` is the time of this tick or, between two, of the last one. ``lockstep``: a plan that is due at this tick
+        is waited for.
         """
         answers: list[Answered] = []
         job = self._jobs[0] if self._jobs else None
