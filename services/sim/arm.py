@@ -11,7 +11,7 @@ import numpy as np
 from schemas.motion import ArmCommand, ArmState
 from services.sim import arm_reference as reference
 from services.sim.arm_kinds import ArmKind
-from services.sim.arm_model import CUP, FORCE, SUCTION, TORQUE
+from services.sim.arm_model import CUP, FORCE, SUCTION, SUCTION_FORCE, TORQUE
 from services.sim.arm_reference import Array, JointLimits, Motion, Segment
 from services.sim.drive import COMMAND_LIFE_NS
 from services.sim.errors import WorldFileError
@@ -54,7 +54,7 @@ class Arm:
         self._find_addresses()
         self.limits = self._read_limits()
         self._check_home(home)
-        self.suction = False
+        self.suction = False  # whether the gripper's pump is on; no topic says so yet
         self._fence = Fence()
         self._order: Order | None = None
         self._taken: Order | None = None  # the order that the present segment follows
@@ -92,6 +92,7 @@ class Arm:
         self._force, self._moment = (int(model.sensor(prefix + kind).adr[0]) for kind in (FORCE, TORQUE))
         names = {model.actuator(i).name: i for i in range(model.nu)}
         self._suction = names.get(prefix + SUCTION)
+        self._cup = -1 if self._suction is None else int(model.geom(prefix + CUP).id)
         geoms = [i for i in range(model.ngeom) if model.geom(i).name.startswith(prefix)]
         # What the cup touches it is meant to touch.
         self.geoms = np.array([i for i in geoms if model.geom(i).name != prefix + CUP])
@@ -214,6 +215,11 @@ class Arm:
         velocity = self._measured().velocity
         return -3 * BANDWIDTH * (velocity - np.clip(velocity, -self.limits.velocity, self.limits.velocity))
 
+    def _pull(self) -> Array:
+        """The force of the suction on what the cup touches, along the cup's axis."""
+        touches = self.suction and bool((self._data.contact.geom == self._cup).any())
+        return np.array([0.0, 0.0, SUCTION_FORCE if touches else 0.0])
+
     def _measured(self) -> Motion:
         return Motion(np.array(self._data.qpos[self._qpos]), np.array(self._data.qvel[self._qvel]))
 
@@ -222,12 +228,12 @@ class Arm:
     def state(self, stamp: int) -> ArmState:
         """``efforts`` are the motors' torques; ``wrench`` is what the tool (its weight included) does to the flange."""
         measured, sensed = self._measured(), self._data.sensordata
-        # MuJoCo's sensors measure what the flange does to the tool.
+        # MuJoCo's sensors measure what the flange does to the tool, and leave out the pull of an adhesion.
         force, moment = -sensed[self._force : self._force + 3], -sensed[self._moment : self._moment + 3]
         return ArmState(
             stamp=stamp,
             q=tuple(measured.position.tolist()),
             dq=tuple(measured.velocity.tolist()),
             efforts=tuple(self._torque.tolist()),
-            wrench=(*force.tolist(), *moment.tolist()),
+            wrench=(*(force + self._pull()).tolist(), *moment.tolist()),
         )

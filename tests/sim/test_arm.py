@@ -146,7 +146,7 @@ def test_an_arm_needs_a_fast_physics() -> None:
 
 
 def test_it_holds_against_gravity_without_a_command(simulation: Simulation) -> None:
-    home = np.array(state_of(simulation).q)
+    home = np.array(arm_of(simulation).kind.home)
     states = wait(simulation, 0.5)
     np.testing.assert_allclose(positions(states), np.tile(home, (len(states), 1)), atol=1e-9)
     assert np.abs(states[-1].efforts).max() > 5, "gravity asks for torque"
@@ -369,3 +369,27 @@ def test_the_wrench_is_what_the_tool_does_to_the_flange_in_its_frame() -> None:
     wrench = np.array(state_of(cell).wrench)
     np.testing.assert_allclose(wrench[:3], force, atol=1e-6)
     np.testing.assert_allclose(wrench[3:], np.cross((0, 0, 0.06), force), atol=1e-6)
+
+
+def test_the_gripper_lifts_what_it_sucks_and_lets_go() -> None:
+    """A crate of 2 kg, whose lid is just under the cup. The flange feels its weight; the ledger finds nothing wrong."""
+    bare = arm_world(mount=0.0, gripper="suction").model_dump() | {"statics": {}}
+    x, y, flange = Simulation(World.model_validate(bare), {}, 0, EXACT).data.site("arm1/flange").xpos.tolist()
+    crates = {
+        "rack_kinds": {"crate": {"size": (0.2, 0.2), "underside": 0.3, "height": flange - 0.1201, "mass": 2.0}},
+        "racks": {"crate": {"kind": "crate", "pose": (x, y, 0.0)}},
+    }
+    simulation = Simulation(World.model_validate(bare | crates), {}, 0, EXACT)
+    arm, lift, n = arm_of(simulation), np.array([0.0, -0.4, 0.0, 0.0, 0.0, 0.0]), 6
+    control(simulation, 0.05, "velocity", lambda _: -0.1 * lift)
+    arm.suction = True
+    control(simulation, 0.6, "velocity", lambda time: lift * min(time, 0.6 - time) / 0.3)
+    held = control(simulation, 0.4, "velocity", lambda _: np.zeros(n))[100:]
+    crate = simulation.data.body("crate")
+    assert crate.xpos[2] > 0.05
+    felt = np.mean([state.wrench[:3] for state in held], axis=0)
+    assert np.linalg.norm(felt) == pytest.approx((0.4 + 2.0) * 9.81, rel=0.05)
+    arm.suction = False
+    control(simulation, 0.5, "velocity", lambda _: np.zeros(n))
+    assert crate.xpos[2] < 0.02
+    assert simulation.ledger.count == 0
