@@ -14,6 +14,7 @@ from services.planner.navigation.surroundings import Surroundings
 
 ALIGNED = 0.04  # rad
 SEGMENT_END = 0.02  # m
+KEEPING_TO_LINE = 0.1  # rad/s while driving, where turning is for standstill
 
 
 def follow(
@@ -47,7 +48,10 @@ def follow(
     ahead = -1.0 if tracker.segment.backward else 1.0
     # A body that looks elsewhere than it should go turns while it is slow.
     speed *= max(0.15, math.cos(min(abs(bearing), math.pi / 2)))
-    return Twist2(linear=ahead * speed, angular=speed * kappa)
+    angular = speed * kappa
+    if in_place:  # what is left of turning is only to keep to the line
+        angular = min(max(angular, -KEEPING_TO_LINE), KEEPING_TO_LINE)
+    return Twist2(linear=ahead * speed, angular=angular)
 
 
 def turn(pose: Pose, error: float, around: Surroundings, footprint: Footprint, s: NavigationSettings) -> Twist2:
