@@ -41,7 +41,7 @@ def run() -> Report:
         "python -m benchmarks cell",
         ("variant", "x real time", "ratio to bare physics"),
         [(name, f"{speed:.1f}", f"{speed / bare:.2f}") for name, speed in speeds.items()],
-        f"World `warehouse`, {SECONDS:.0f} s of simulation each. The whole cell is four processes driving moves all the "
+        f"World `warehouse`, {SECONDS:.0f} s of simulation each. The cell is four processes, driving moves all the "
         "time: physics, lidar, odometry, localisation, planning, commands, HTTP. Bare physics stands still and feels "
         "nothing.",
     )
