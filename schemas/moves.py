@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import Field
@@ -13,7 +13,7 @@ MoveState = Literal["idle", "moving", "succeeded", "failed", "cancelled"]
 StuckState = Literal["none", "move_stucked", "target_spin_stucked"]
 TERMINAL: frozenset[str] = frozenset({"succeeded", "failed", "cancelled"})
 
-MOVE_TYPES = (
+MoveType = Literal[
     "none",
     "standard",
     "charge",
@@ -25,7 +25,8 @@ MOVE_TYPES = (
     "align_with_rack",
     "to_unload_point",
     "follow_target",
-)
+]
+MOVE_TYPES: tuple[str, ...] = get_args(MoveType)
 DEPRECATED_MOVE_TYPES = frozenset({"leave_elevator", "pull_over"})
 
 
@@ -33,19 +34,7 @@ class MoveCreate(Message):
     """A move as a client asks for it. Metres, radians, map frame; ``none`` behaves like ``standard``."""
 
     creator: str = "control_unit"
-    type: Literal[
-        "none",
-        "standard",
-        "charge",
-        "return_to_elevator_waiting_point",
-        "enter_elevator",
-        "leave_elevator",
-        "pull_over",
-        "along_given_route",
-        "align_with_rack",
-        "to_unload_point",
-        "follow_target",
-    ] = "none"
+    type: MoveType = "none"
     target_x: float | None = None
     target_y: float | None = None
     target_z: float | None = None

@@ -8,23 +8,10 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from schemas.fail_reasons import MoveFailReason
 from schemas.maps import MapData, MapSummary, Overlays
-from schemas.moves import Move, MoveCreate
+from schemas.moves import Move, MoveCreate, MoveType
 
 MAX_ID = 2**63 - 1
 Name = Annotated[str, Field(max_length=1000)]
-MoveType = Literal[
-    "none",
-    "standard",
-    "charge",
-    "return_to_elevator_waiting_point",
-    "enter_elevator",
-    "leave_elevator",
-    "pull_over",
-    "along_given_route",
-    "align_with_rack",
-    "to_unload_point",
-    "follow_target",
-]
 
 
 class Body(BaseModel):
