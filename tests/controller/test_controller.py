@@ -194,7 +194,7 @@ def test_a_velocity_is_reached_and_dies_after_100_ms_of_silence(what: str) -> No
         cell.advance(0.004)
     cell.until_rest()
     after = [np.abs(dq).max() for stamp, _, dq in cell.history if stamp > cut + 108_000_000]
-    assert (np.diff(after) <= 1e-9).all(), "decays monotonically"
+    assert (np.diff(after) <= 1e-5).all(), "decays monotonically"
     assert len(after) * PERIOD_NS < 150_000_000
     assert cell.get_status()["controllerStatus"] == sorted(cell.get_status()["controllerStatus"])
     cell.check_limits()

@@ -22,9 +22,10 @@ from services.controller.motion.kinematics import ArmKinematics
 from services.controller.motion.parameters import Tuning
 from services.controller.motion.profile import Profile, hardware_limits, path_arm
 from services.controller.motion.ramp import Ramp
+from services.controller.trajectory.continuation import pose_error
 from services.controller.trajectory.geometry import TaskPath
 from services.controller.trajectory.joint_stop import stop_joints
-from services.controller.trajectory.model import Array
+from services.controller.trajectory.model import Array, Pose
 from services.controller.trajectory.queue import Leg, MotionQueue
 from services.controller.trajectory.stream import Motion, Sample
 
@@ -32,6 +33,7 @@ CommandMode = Literal["position", "velocity", "torque"]
 
 AT_REST = 1e-6  # rad/s commanded
 _TASK_JERK_TIME = 0.05  # seconds in which a task velocity's acceleration may build up
+_LEASH = np.array([1e-3] * 3 + [5e-3] * 3)  # m, rad: how far a tool that cannot follow stays behind its target
 _STOP = "stop"
 
 
@@ -63,6 +65,7 @@ class Mover:
         self._wanted: Reference | None = None  # what is to be followed, once the arm stands
         self._ending: Literal["soft", "hard"] | None = None  # of a torque, at the next measurement
         self._ramp = Ramp(arm.n)
+        self._target = ik.forward(arm, arm.home)  # of a task velocity
         self._by_solver = False
         self.q, self.v, self.a = arm.home.copy(), np.zeros(arm.n), np.zeros(arm.n)
 
@@ -242,11 +245,22 @@ class Mover:
         else:
             acceleration = self.profile.task_acceleration
             wish = self._ramp.step(active.values, acceleration, acceleration / _TASK_JERK_TIME, self.period)
-            self._moved(self.solver.step(self.q, self.v, None, wish), codes)
+            wish = self._leashed(wish)
+            self._moved(self.solver.step(self.q, self.v, self._target, wish), codes)
+            self._target = _advanced(self._target, wish * self.period)
         if over and np.abs(wish).max() <= AT_REST:
             self.time += self.period
             self._brake(hard=False)
             self.time -= self.period
+
+    def _leashed(self, twist: Array) -> Array:
+        """``twist``, slower the farther the tool is behind the target it leads away: at limits and singularities the
+        target waits, and turning back is followed at once."""
+        target = Pose(self._target[:, 3], self._target[:, :3])
+        behind = pose_error(self.kinematics.forward(self.q), target) / _LEASH
+        if behind @ (twist / _LEASH) <= 0:
+            return twist
+        return np.asarray(twist * max(0.0, 1.0 - float(np.linalg.norm(behind))))
 
     def _moved(self, step: ik.Step, codes: set[CrfCode]) -> None:
         codes.update(step.codes)
@@ -286,6 +300,7 @@ class Mover:
     def _begin_reference(self, reference: Reference) -> None:
         self._active, self._wanted = reference, None
         self._ramp = Ramp(reference.values.size)
+        self._target = ik.forward(self.arm, self.q)
         self.queue = replace(self.queue, legs=(), rest=self.q, paused=False)
 
     def _measured(self, state: ArmState) -> None:
@@ -308,3 +323,12 @@ class Mover:
             )
         legs = (Leg(stop, self.time, _STOP, stopped=True),)
         self.queue = replace(self.queue, rest=stop.rest, legs=legs, paused=False)
+
+
+def _advanced(pose: Array, step: Array) -> Array:
+    """``pose`` (3, 4) after a small twist (6,) over its time, in base axes at the tool."""
+    angle = float(np.linalg.norm(step[3:]))
+    x, y, z = step[3:] / max(angle, 1e-12)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+    return np.column_stack([turn @ pose[:, :3], pose[:, 3] + step[:3]])
