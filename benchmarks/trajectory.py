@@ -1,7 +1,5 @@
 """Trajectory time ÷ TOPP-RA time over 20 seeded way-point paths.
 
-    python benchmarks/motion/trajectory.py            (the ratio to `toppra` needs `pip install toppra`)
-
 Two references, both without any jerk limit and at the full velocity and acceleration limits:
 
 * same path: TOPP-RA on exactly the blended path that is driven. What the ratio exceeds 1 by is the price of bounded
@@ -13,7 +11,6 @@ Without `toppra` the same-path reference is our own solver without filter and ma
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
 import time
 from dataclasses import dataclass
@@ -21,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.report import Report
 from services.controller.trajectory.curve import JointCurve
 from services.controller.trajectory.geometry import Tolerance, joint_path
 from services.controller.trajectory.model import JointLimits
@@ -104,25 +102,24 @@ def _toppra(path: object, grid: Array) -> float:
     return float(solver.compute_trajectory().duration)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--paths", type=int, default=20)
-    count = parser.parse_args().paths
+def run(paths: int = 20) -> Report:
     planning = Planning(smoothing=Smoothing.for_limits(FR3.acceleration, FR3.jerk))
     measure(0, planning)  # compiles
-    results = [measure(seed, planning) for seed in range(count)]
-    print(f"{'path':>4} {'ours s':>8} {'same path s':>12} {'÷':>6} {'spline s':>9} {'÷':>6}  use of v, a, j")
-    for seed, r in enumerate(results):
-        use = ", ".join(f"{value:.3f}" for value in r.use)
-        ratios = r.ours / r.same_path, r.ours / r.spline
-        print(f"{seed:4} {r.ours:8.3f} {r.same_path:12.3f} {ratios[0]:6.3f} {r.spline:9.3f} {ratios[1]:6.3f}  {use}")
-    same = np.array([r.ours / r.same_path for r in results])
-    spline = np.array([r.ours / r.spline for r in results])
-    reference = "toppra" if HAS_TOPPRA else "own solver, no filter, no margins"
-    print(f"÷ {reference}, same path: median {np.median(same):.3f}, min {same.min():.3f}, max {same.max():.3f}")
-    print(f"÷ toppra, spline: median {np.median(spline):.3f}, min {spline.min():.3f}, max {spline.max():.3f}")
-    print(f"planning, CPU time: median {1e3 * np.median([r.planning for r in results]):.2f} ms")
+    results = [measure(seed, planning) for seed in range(paths)]
+    reference = "`toppra`" if HAS_TOPPRA else "own solver without filter and margins"
+    rows = [_spread(f"{reference}, same path", [r.ours / r.same_path for r in results])]
+    if HAS_TOPPRA:
+        rows.append(_spread("`toppra` on the spline through the way-points", [r.ours / r.spline for r in results]))
+    milliseconds = 1e3 * np.median([r.planning for r in results])
+    return Report(
+        "Time of a trajectory against TOPP-RA",
+        "python -m benchmarks trajectory",
+        ("reference, without jerk limit", "ratio, median", "least", "most"),
+        rows,
+        f"{paths} seeded way-point paths of the FR3. Ours bounds jerk and keeps a margin to each limit; the references use "
+        f"velocity and acceleration to the full. Planning one takes {milliseconds:.1f} ms of CPU (median).",
+    )
 
 
-if __name__ == "__main__":
-    main()
+def _spread(name: str, ratios: list[float]) -> tuple[str, ...]:
+    return name, f"{np.median(ratios):.3f}", f"{min(ratios):.3f}", f"{max(ratios):.3f}"
