@@ -116,8 +116,8 @@ def run(paths: int = 20) -> Report:
         "python -m benchmarks trajectory",
         ("reference, without jerk limit", "ratio, median", "least", "most"),
         rows,
-        f"{paths} seeded way-point paths of the FR3. Ours bounds jerk and keeps a margin to each limit; the references use "
-        f"velocity and acceleration to the full. Planning one takes {milliseconds:.1f} ms of CPU (median).",
+        f"{paths} seeded way-point paths of the FR3. Ours bounds jerk and keeps a margin to each limit; the references "
+        f"use velocity and acceleration to the full. Planning one takes {milliseconds:.1f} ms of CPU (median).",
     )
 
 
