@@ -14,13 +14,15 @@ def entry(action: str, code: int = 200, at: int = 0) -> AuditEntry:
 
 def test_everything_is_on_disk_when_it_is_closed(tmp_path: Path) -> None:
     path = tmp_path / "arm1" / "audit.jsonl"
-    writer = AuditWriter(AuditLog(path), [].append)
+    failures: list[OSError] = []
+    writer = AuditWriter(AuditLog(path), failures.append)
     for i in range(100):
         writer.put([entry(f"grant {i}")])
     writer.put([entry("appendPath", 403)] * 1000)
     writer.close()
     actions = [json.loads(line)["action"] for line in path.read_text().splitlines()]
     assert actions == [*(f"grant {i}" for i in range(100)), "appendPath"]
+    assert failures == []
 
 
 def test_a_disk_that_fails_ends_nothing(tmp_path: Path) -> None:

@@ -456,6 +456,27 @@ def test_every_request_is_answered_once_when_a_stop_drops_its_plan() -> None:
     cell.until_rest()
     assert first in cell.answers and cell.answers[first] == cell.answers[again]
     assert cell.errors == []
+    cell.advance(1.0)
+    assert np.abs(cell.q - UR5E.home).max() < 0.05, "the plan is not driven after all"
+
+
+def test_who_has_arrived_has_left_nothing_running() -> None:
+    cell = PerfectArm()
+    cell.ok("a", command="appendPath", type="joints", data=joints(UR5E, 0.1))
+    cell.until_rest()
+    assert cell.ask("a", command="unlockControl", priority=10)["message"] is True
+    cell.controller.disconnected("a")
+    cell.advance(0.01)
+    assert [entry.action for entry in cell.audit] == ["grant", "unlockControl"]
+
+
+def test_who_vanishes_on_the_way_is_stopped() -> None:
+    cell = PerfectArm()
+    cell.ok("a", command="appendPath", type="joints", data=joints(UR5E, 1.0))
+    cell.advance(0.2)
+    cell.controller.disconnected("a")
+    assert cell.until_rest() < 0.5
+    assert cell.q[0] < UR5E.home[0] + 0.9
 
 
 def test_the_same_commands_give_the_same_motion() -> None:
