@@ -272,6 +272,19 @@ class CrfAnswer(Message):
     text: str
 
 
+class MotionStream(Message):
+    """A ``streamStatus`` event as JSON text, for the session that asked for it."""
+
+    session: Annotated[str, Field(min_length=1, max_length=128)]
+    text: str
+
+
+class SessionGone(Message):
+    """The connection behind this session is closed: whatever it held is let go, as the protocol has it."""
+
+    session: Annotated[str, Field(min_length=1, max_length=128)]
+
+
 EventName = Literal["controlGranted", "controlLost", "stopped", "resumed", "heartbeatLost"]
 LossReason = Literal["released", "expired", "preempted", "forced", "disconnected", "heartbeat", "promoted", "restart"]
 
