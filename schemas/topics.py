@@ -132,6 +132,25 @@ MOTION_EVENT = Topic(
     "control granted and lost, stops",
 )
 
+MOTION_STREAM = Topic(
+    "motion/stream",
+    "rackhand/{robot}/motion/stream",
+    motion.MotionStream,
+    "controller",
+    0,
+    Qos.EVENT,
+    "status streams, each for one session",
+)
+MOTION_SESSION = Topic(
+    "motion/session",
+    "rackhand/{robot}/motion/session",
+    motion.SessionGone,
+    "gateway",
+    0,
+    Qos.EVENT,
+    "a client's connection is gone",
+)
+
 CLOCK = Topic("clock", "rackhand/world/clock", world.Clock, "sim", 50, Qos.STREAM, "simulation time, speed, paused")
 OBJECTS = Topic("objects", "rackhand/world/objects", world.Objects, "sim", 25, Qos.STREAM, "true poses, for judges")
 SCENE = Topic("scene", "rackhand/world/scene", world.Scene, "sim", 0, Qos.LATCHED, "geometry as data, for viewers")
@@ -193,7 +212,8 @@ WORLD_CONTROL = Query(
 
 TOPICS: tuple[Topic[Any], ...] = (
     ODOMETRY, SCAN, IMU, JACK, BATTERY, CONTACTS, CHASSIS_MODEL, POSE, CHASSIS_STATUS, COMMAND,
-    PLANNING_STATE, PATH, MOVE_EVENT, MAP, ARM_STATE, ARM_COMMAND, MOTION_STATUS, MOTION_EVENT, CLOCK, OBJECTS, SCENE,
+    PLANNING_STATE, PATH, MOVE_EVENT, MAP, ARM_STATE, ARM_COMMAND, MOTION_STATUS, MOTION_EVENT, MOTION_STREAM, MOTION_SESSION,
+    CLOCK, OBJECTS, SCENE,
 )  # fmt: skip
 QUERIES: tuple[Query[Any, Any], ...] = (MOVES, CHASSIS_REQUEST, MAPS, MOTION, MOTION_STOP, WORLD_CONTROL)
 

@@ -6,7 +6,7 @@ from bus import Bus, Event, Inbox, Presence, Refused, Request, Sample, Unavailab
 from bus.errors import CallTimeout
 from bus.log import get_logger
 from schemas import topics
-from schemas.motion import ArmCommand, ArmState, CrfAnswer
+from schemas.motion import ArmCommand, ArmState, CrfAnswer, MotionStream
 from schemas.service import WORLD, ServiceId
 from schemas.world import Join, WorldRequest
 from services.controller.audit_writer import AuditWriter
@@ -33,11 +33,13 @@ class ControllerService:
         self._command = bus.publisher(topics.ARM_COMMAND, robot)
         self._status = bus.publisher(topics.MOTION_STATUS, robot)
         self._events = bus.publisher(topics.MOTION_EVENT, robot)
+        self._streams = bus.publisher(topics.MOTION_STREAM, robot)
         self._inbox = self._subscribe()
 
     def _subscribe(self) -> Inbox:
         inbox = self._bus.inbox()
         inbox.subscribe(topics.ARM_STATE, self._robot)
+        inbox.subscribe(topics.MOTION_SESSION, self._robot)
         inbox.subscribe(topics.CLOCK, WORLD)
         inbox.serve(topics.MOTION, self._robot)
         inbox.serve(topics.MOTION_STOP, self._robot)
@@ -77,6 +79,8 @@ class ControllerService:
                     self._hear(state)
                 case Sample(topic=topics.CLOCK, message=clock):
                     self._void_if(self._link.clock(clock))
+                case Sample(topic=topics.MOTION_SESSION, message=gone):
+                    self._controller.disconnected(gone.session)
                 case Request(query=topics.MOTION, message=call):
                     self._controller.request(call.session, call.text, event)
                 case Request(query=topics.MOTION_STOP, message=call):
@@ -136,6 +140,8 @@ class ControllerService:
         for ticket, text in output.replies:
             assert isinstance(ticket, Request)
             ticket.reply(CrfAnswer(text=text))
+        for session, text in output.streams:
+            self._streams.put(MotionStream(session=session, text=text))
         if output.status is not None:
             self._status.put(output.status)
         for error in output.errors:
