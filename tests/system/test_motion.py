@@ -175,8 +175,8 @@ def test_a_square_is_tracked(either: tuple[Station, ik.Arm]) -> None:
 def off_line(line: Array, point: Array) -> float:
     """Distance (m) from a point to a polyline (m, 3) of short pieces."""
     nearest = int(np.linalg.norm(line - point, axis=1).argmin())
-    pieces = pairwise(line[max(nearest - 1, 0) : nearest + 2])
-    return min(float(np.linalg.norm(np.cross(b - a, point - a)) / np.linalg.norm(b - a)) for a, b in pieces)
+    pieces = [(a, b - a) for a, b in pairwise(line[max(nearest - 1, 0) : nearest + 2]) if (a != b).any()]
+    return min(float(np.linalg.norm(np.cross(d, point - a)) / np.linalg.norm(d)) for a, d in pieces)
 
 
 def blended(corners: list[Array], deviation: float = 0.01) -> Array:
