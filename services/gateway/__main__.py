@@ -25,16 +25,25 @@ def main(
     robot: Annotated[str | None, typer.Option(help="The robot this gateway is the API of (amr1).")] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on (127.0.0.1: this machine only).")] = None,
     port: Annotated[int | None, typer.Option(help="TCP port to listen on (8090).")] = None,
+    arm: Annotated[
+        list[str] | None, typer.Option(help="An arm to serve under /motion/ARM; may be given several times.")
+    ] = None,
     expect: Annotated[
         list[str] | None,
         typer.Option(
             help="ROBOT/SERVICE that /healthz wants to see; may be given several times. "
-            "By default cell/router, world/sim and the robot's planner."
+            "By default cell/router, world/sim, the robot's planner and the arms' controllers."
         ),
     ] = None,
 ) -> None:
     """HTTP and WebSocket for clients of one robot."""
-    given: dict[str, Any] = {"robot": robot, "host": host, "port": port, "expect": tuple(expect) if expect else None}
+    given: dict[str, Any] = {
+        "robot": robot,
+        "host": host,
+        "port": port,
+        "arms": tuple(arm) if arm else None,
+        "expect": tuple(expect) if expect else None,
+    }
     try:
         settings = Settings(**{name: value for name, value in given.items() if value is not None})
         for text in settings.expect:

@@ -8,11 +8,12 @@ from fastapi import FastAPI
 from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
-from services.gateway import chassis, device, docs, errors, health, index, maps, moves, websocket
+from services.gateway import chassis, device, docs, errors, health, index, maps, motion, moves, websocket
 from services.gateway.broadcast import Hub
 from services.gateway.context import BusClient, Context
 from services.gateway.methods import AllowedMethods
 from services.gateway.middleware import AnyMethod, SecretHeader, StrictBody, TrailingSlash
+from services.gateway.motion_hub import MotionHub
 from services.gateway.settings import Settings
 from services.gateway.state import State
 
@@ -37,7 +38,7 @@ def create_app(state: State, bus: BusClient, settings: Settings | None = None) -
         strict_content_type=False,
         generate_unique_id_function=_operation_id,
     )
-    app.state.context = Context(settings, state, Hub(state, settings.interval), bus)
+    app.state.context = Context(settings, state, Hub(state, settings.interval), bus, MotionHub(settings.arms))
     for router in (
         index.router,
         docs.router,
@@ -46,6 +47,7 @@ def create_app(state: State, bus: BusClient, settings: Settings | None = None) -
         chassis.services,
         maps.router,
         device.router,
+        motion.router,
     ):
         app.include_router(router)
     app.include_router(health.router)

@@ -20,6 +20,8 @@ log = get_logger(__name__)
 
 MAX_EVENTS = 64
 MAX_REPLIES = 64
+MAX_UNREAD = 1024  # answers that a client which does not wait for them leaves unread
+MAX_UNREAD_CHARACTERS = 8 * 1024 * 1024
 MAX_TOPICS = 1000
 # As measured on a real Longjack: these come on change, and again after so long without one. Seconds of wall time.
 REPEATED = frozenset({"/planning_state", "/robot_model"})
@@ -40,6 +42,7 @@ class Outbox:
         self._filled = asyncio.Event()
         self._room = asyncio.Event()
         self.dropped = 0
+        self._unread = 0
 
     def stream(self, topic: str, text: str) -> None:
         """Takes the place of an older, unsent frame of the same topic."""
@@ -59,15 +62,27 @@ class Outbox:
         while len(self._replies) >= MAX_REPLIES:
             self._room.clear()
             await self._room.wait()
+        self._unread += len(text)
         self._replies.append(text)
         self._filled.set()
+
+    def offer(self, text: str) -> bool:
+        """An answer to this client, without waiting. False, and not taken, where too many are unread."""
+        if len(self._replies) >= MAX_UNREAD or (self._replies and self._unread + len(text) > MAX_UNREAD_CHARACTERS):
+            return False
+        self._unread += len(text)
+        self._replies.append(text)
+        self._filled.set()
+        return True
 
     async def next(self) -> str:
         """The next frame to send. One reader."""
         while True:
             if self._replies:
                 self._room.set()
-                return self._replies.popleft()
+                text = self._replies.popleft()
+                self._unread -= len(text)
+                return text
             if self._events:
                 return self._events.popleft()
             if self._newest:

@@ -50,11 +50,12 @@ async def set_pose(body: PoseBody, gateway: Gateway) -> Empty:
     return Empty()
 
 
-@router.get("/chassis/status", responses=failures(503))
+@router.get("/chassis/status", responses=failures(404, 503))
 async def chassis_status(gateway: Gateway) -> ChassisStatusReply:
+    robot = gateway.chassis
     status = gateway.state.facts.status
     if status is None:
-        raise unavailable(f"the planner of {gateway.settings.robot} has not told the chassis' status yet")
+        raise unavailable(f"the planner of {robot} has not told the chassis' status yet")
     return ChassisStatusReply(control_mode=status.control_mode, emergency_stop_pressed=status.emergency_stop)
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Protocol, TypeVar, cast
 
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from bus import Refused
 from schemas.base import Message
 from schemas.codec import MalformedMessage, codec_for
 from schemas.topics import Query
 from services.gateway.broadcast import Hub
 from services.gateway.errors import BadRequest
+from services.gateway.motion_hub import MotionHub
 from services.gateway.settings import Settings
 from services.gateway.state import State
 
@@ -33,6 +35,14 @@ class Context:
     state: State
     hub: Hub
     bus: BusClient
+    motion: MotionHub = field(default_factory=MotionHub)
+
+    @property
+    def chassis(self) -> str:
+        """The robot's name. Raises ``Refused`` (404) where this gateway serves arms only."""
+        if not self.settings.robot:
+            raise Refused("not_found", "this gateway serves no chassis")
+        return self.settings.robot
 
     async def ask(self, query: Query[Q, R], request: Q) -> R:
         """Ask the robot. Raises ``BadRequest`` for what the bus cannot carry (an integer over 64 bits, say)."""
@@ -40,7 +50,11 @@ class Context:
             codec_for(query.request).dumps(request)
         except MalformedMessage as error:
             raise BadRequest(str(error)) from None
-        return await self.bus.acall(query, request, self.settings.robot, timeout=self.settings.call_timeout)
+        return await self.bus.acall(query, request, self.chassis, timeout=self.settings.call_timeout)
+
+    async def ask_arm(self, query: Query[Q, R], request: Q, arm: str) -> R:
+        """Ask an arm's controller. Raises ``Refused``, ``Unavailable`` or ``CallTimeout``."""
+        return await self.bus.acall(query, request, arm, timeout=self.settings.motion_timeout)
 
 
 def get_context(connection: HTTPConnection) -> Context:

@@ -45,12 +45,13 @@ class BootProgress(BaseModel):
     logs: list[BootLog]
 
 
-@router.get("/info", responses=failures(503))
+@router.get("/info", responses=failures(404, 503))
 async def device_info(gateway: Gateway) -> dict[str, Any]:
     """What this robot is. 503 until its driver has told its body."""
+    robot = gateway.chassis
     model = gateway.state.facts.model
     if model is None:
-        raise unavailable(f"the driver of {gateway.settings.robot} has not told its body yet")
+        raise unavailable(f"the driver of {robot} has not told its body yet")
     return {**device_info_brief(gateway.state), "robot": _robot(model), "caps": dict.fromkeys(CAPS, True)}
 
 

@@ -14,9 +14,13 @@ import uvloop
 
 from bus import Bus, Inbox
 from bus.log import configure_logging, get_logger
+from schemas import topics
+from schemas.motion import SessionGone
 from schemas.service import CELL, ServiceId
+from services.gateway import motion_hub
 from services.gateway.app import create_app
 from services.gateway.broadcast import Hub
+from services.gateway.motion_hub import MotionHub
 from services.gateway.settings import Settings
 from services.gateway.state import HEARD, State
 
@@ -56,8 +60,14 @@ def run(settings: Settings) -> None:
 async def _serve(settings: Settings, bus: Bus, inbox: Inbox) -> None:
     state = State(settings.robot, settings.expected_services(), time.time())
     app = create_app(state, bus, settings)
-    for topic, depth in HEARD.items():
+    for topic, depth in HEARD.items() if settings.robot else ():
         inbox.subscribe(topic, settings.robot, depth)
+    motion: MotionHub = app.state.context.motion
+    ended = {arm: bus.publisher(topics.MOTION_SESSION, arm) for arm in motion.arms}
+    motion.gone = lambda arm, session: ended[arm].put(SessionGone(session=session))
+    for arm in motion.arms:
+        for told in motion_hub.HEARD:
+            inbox.subscribe(told, arm)
     inbox.watch_services()
 
     def listening() -> None:
@@ -68,7 +78,7 @@ async def _serve(settings: Settings, bus: Bus, inbox: Inbox) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, setattr, server, "should_exit", True)
     hub: Hub = app.state.context.hub
-    hearing = asyncio.create_task(_hear(inbox, hub))
+    hearing = asyncio.create_task(_hear(inbox, hub, motion))
     # Deaf, the gateway would show stale things as present: it ends, and is started anew.
     hearing.add_done_callback(lambda _: setattr(server, "should_exit", True))
     try:
@@ -79,10 +89,11 @@ async def _serve(settings: Settings, bus: Bus, inbox: Inbox) -> None:
         hub.close()
 
 
-async def _hear(inbox: Inbox, hub: Hub) -> None:
+async def _hear(inbox: Inbox, hub: Hub, motion: MotionHub) -> None:
     count = 0
     async for event in inbox.stream():
         hub.hear(event)
+        motion.hear(event)
         count += 1
         if count % EVENTS_A_TURN == 0:
             await asyncio.sleep(0)
@@ -97,7 +108,7 @@ def server_config(app: object, settings: Settings) -> uvicorn.Config:
         access_log=False,
         log_level="warning",
         ws="websockets-sansio",
-        ws_max_size=1024 * 1024,
+        ws_max_size=4 * 1024 * 1024,
         ws_per_message_deflate=False,
         timeout_graceful_shutdown=2,
         server_header=False,

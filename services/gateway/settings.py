@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from schemas.service import CELL, WORLD, ServiceId
@@ -32,7 +32,8 @@ class Settings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix="RACKHAND_GATEWAY_", frozen=True)
 
-    robot: str = "amr1"
+    robot: str = Field(default="", description="the chassis; amr1 where neither it nor an arm is named")
+    arms: tuple[str, ...] = ()
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8090
     expect: tuple[str, ...] = ()
@@ -40,6 +41,7 @@ class Settings(BaseSettings):
     allow_origins: str = Field(default=".*", description="regular expression of browser origins that may call")
     service_status: Literal[200, 201] = 200
     call_timeout: Annotated[float, Field(gt=0, description="seconds to wait for an answer from the bus")] = 2.0
+    motion_timeout: Annotated[float, Field(gt=0, description="seconds to wait for an arm's answer")] = 10.0
     planning_state_timeout: Annotated[
         float, Field(ge=0, description="seconds POST waits, at most, until /planning_state tells of the new move")
     ] = 0.25
@@ -48,13 +50,21 @@ class Settings(BaseSettings):
         default_factory=dict, description="overrides the measured rates, Hz"
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _somebody(cls, given: Any) -> Any:
+        if isinstance(given, dict) and not given.get("robot") and not given.get("arms"):
+            return {**given, "robot": "amr1"}
+        return given
+
     def interval(self, topic: str) -> float:
         """Least seconds of wall time between two frames of a WebSocket topic."""
         return 1.0 / self.rates.get(topic, RATES.get(topic, DEFAULT_RATE))
 
     def expected_services(self) -> tuple[ServiceId, ...]:
         """What must be there for the cell to be up: by default, all of the default cell."""
-        named = self.expect or (f"{CELL}/router", f"{WORLD}/sim", f"{self.robot}/planner")
+        actors = (*((f"{self.robot}/planner",) if self.robot else ()), *(f"{arm}/controller" for arm in self.arms))
+        named = self.expect or (f"{CELL}/router", f"{WORLD}/sim", *actors)
         return tuple(parse_service(text) for text in named)
 
 

@@ -188,6 +188,8 @@ def _gateway_arguments(options: CellOptions, cast: Cast) -> tuple[str, ...]:
     arguments = ["--host", options.http.host, "--port", str(options.http.port)]
     if cast.chassis:
         arguments += ["--robot", cast.chassis[0]]
+    for arm in cast.arms:
+        arguments += ["--arm", arm]
     for service in ("cell/router", "world/sim", *_participants(cast)):
         arguments += ["--expect", service]
     return tuple(arguments)

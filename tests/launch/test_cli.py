@@ -87,6 +87,7 @@ def test_the_world_says_who_acts(tmp_path: Path) -> None:
     sim, gateway = " ".join(table["sim"].argv), " ".join(table["gateway"].argv)
     for participant in ("amr1/planner", "amr2/planner", "arm1/controller"):
         assert f"--wait-for {participant}" in sim and f"--expect {participant}" in gateway
+    assert "--arm arm1" in gateway
     assert "--robot amr1" in gateway and "--expect world/sim" in gateway
 
 
