@@ -14,6 +14,7 @@ import typer
 from services.launch import reference
 from services.launch.cell import CELL_FILE, CannotStart, run_cell
 from services.launch.health import Health, ask_health
+from services.launch.motion import CannotAsk, send_command
 from services.launch.processes import Address, CellOptions
 
 DEFAULTS = CellOptions()
@@ -112,6 +113,29 @@ def status(
         _fail(f"no gateway answers at {url}. Is the cell up? Start it with `rackhand up`.")
     typer.echo(_health_table(health))
     raise typer.Exit(0 if health.all_up else 1)
+
+
+@app.command(
+    epilog=_examples(
+        """rackhand motion arm1 '{"command":"getStatus"}'""",
+        """rackhand motion arm1 '{"command":"lockControl","priority":10}'""",
+        """rackhand motion arm1 '{"command":"softStop"}'""",
+    )
+)
+def motion(
+    arm: Annotated[str, typer.Argument(help="name of the arm, as in arm1")],
+    command: Annotated[str, typer.Argument(metavar="COMMAND-JSON", help="a CRF request")],
+    url: Annotated[
+        str | None, typer.Option(help="the gateway; if not given, that of the cell in the state folder, or port 8090")
+    ] = None,
+    state_dir: Annotated[Path, typer.Option(help="state folder of the cell")] = DEFAULTS.state_dir,
+) -> None:
+    """Send one command to an arm and print its answer. Exit status 1 if it could not be asked."""
+    url = url or _known_url(state_dir) or DEFAULTS.http.url
+    try:
+        typer.echo(send_command(url.rstrip("/"), arm, command))
+    except CannotAsk as error:
+        _fail(str(error))
 
 
 @app.command(epilog=_examples("rackhand topics", "rackhand topics --markdown > topics.md"))

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any, cast
 
 import pytest
+from typer.testing import CliRunner
 from websockets.exceptions import InvalidStatus
 
 from bus import BusError, Sample, Unavailable
@@ -15,6 +16,7 @@ from schemas import topics
 from schemas.motion import ControlInfo, CrfAnswer, CrfCall, MotionEvent, MotionStream
 from services.gateway.context import Context
 from services.gateway.settings import Settings
+from services.launch.cli import app
 from tests.gateway.harness import Gateway, running_gateway
 
 VECTORS: list[Any] = [
@@ -137,3 +139,11 @@ def test_events_and_streams_reach_those_they_concern(cell: Cell) -> None:
     while len(gone) < 2:
         gateway.call(lambda: None)
     assert ("arm1", name) in gone
+
+
+def test_the_command_line_prints_the_answer(cell: Cell) -> None:
+    gateway, _, _ = cell
+    done = CliRunner().invoke(app, ["motion", "arm1", '{"command":"foo"}', "--url", gateway.url])
+    assert (done.exit_code, json.loads(done.output)["message"]) == (0, '{"command":"foo"}')
+    lost = CliRunner().invoke(app, ["motion", "arm9", "{}", "--url", gateway.url])
+    assert lost.exit_code == 1 and "there is no arm 'arm9' here; known: arm1" in lost.output

@@ -31,11 +31,11 @@ def up(tmp_path: Path) -> list[str]:
 
 def test_help_names_every_command() -> None:
     shown = cli.invoke(app, ["--help"]).output
-    for command in ("up", "status", "world", "topics"):
+    for command in ("up", "status", "world", "topics", "motion"):
         assert f"\n  {command} " in shown
 
 
-@pytest.mark.parametrize("command", ["up", "status", "topics"])
+@pytest.mark.parametrize("command", ["up", "status", "topics", "motion"])
 def test_help_of_every_command_shows_examples(command: str) -> None:
     shown = cli.invoke(app, [command, "--help"]).output
     assert f"Examples:\n    rackhand {command}" in shown
@@ -149,6 +149,13 @@ def test_a_state_folder_that_cannot_be_made_is_told(tmp_path: Path, up: list[str
 def test_status_without_a_cell_says_so(tmp_path: Path) -> None:
     url = Address("127.0.0.1", 9).url
     result = cli.invoke(app, ["status", "--url", url, "--state-dir", str(tmp_path)])
+    assert result.exit_code == 1
+    assert f"no gateway answers at {url}" in result.output
+
+
+def test_motion_without_a_cell_says_so(tmp_path: Path) -> None:
+    url = Address("127.0.0.1", 9).url
+    result = cli.invoke(app, ["motion", "arm1", "{}", "--url", url, "--state-dir", str(tmp_path)])
     assert result.exit_code == 1
     assert f"no gateway answers at {url}" in result.output
 
