@@ -15,7 +15,6 @@ from benchmarks.bus import free_port
 from benchmarks.report import Report
 from schemas.base import NANOSECONDS
 from services.sim.profiles import load_profiles
-from services.sim.scene import build_model
 from services.sim.simulation import Simulation
 from services.sim.worldfile import World, load_world
 from tests.system.cell import Cell
@@ -48,7 +47,7 @@ def run() -> Report:
 
 
 def bare_physics(world: World) -> float:
-    model = build_model(world, load_profiles(world))
+    model = Simulation(world, load_profiles(world), seed=0).model
     data = mujoco.MjData(model)
     steps = round(SECONDS / model.opt.timestep)
     mujoco.mj_step(model, data, 500)
