@@ -1,4 +1,4 @@
-"""The page on the chassis API names every endpoint and topic there is, and none that is not."""
+"""The pages on the gateway's protocols name every endpoint and topic there is, and none that is not."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from services.gateway.app import create_app
 from services.gateway.state import State
 from services.gateway.topics import PAYLOADS
 
-PAGE = (Path(__file__).parents[2] / "docs" / "chassis-api.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "chassis-api.md").read_text(encoding="utf-8")
+MOTION = (DOCS / "motion.md").read_text(encoding="utf-8")
 
 
 def test_every_endpoint_is_listed() -> None:
     document = create_app(State("amr1"), Bus(ServiceId("gateway", CELL))).openapi()  # a bus that is never opened
     real = {f"{method.upper()} {path}" for path, methods in document["paths"].items() for method in methods}
-    listed = set(re.findall(r"^\| `((?:GET|POST|PATCH|PUT|DELETE) \S+)` \|", PAGE, re.MULTILINE))
+    listed = set(re.findall(r"^\| `((?:GET|POST|PATCH|PUT|DELETE) \S+)` \|", PAGE + MOTION, re.MULTILINE))
     assert listed == real
 
 
