@@ -21,6 +21,7 @@ from schemas.base import Pose2, Twist2
 from schemas.chassis import ChassisCommand, Odometry
 from schemas.codec import codec_for
 from schemas.service import WORLD, ServiceId
+from tests.ports import free_port
 
 ROUNDS, PINGS = 20, 150
 BARE_PING, BARE_PONG = "rackhand/bench/ping", "rackhand/bench/pong"
@@ -161,12 +162,6 @@ def echo(endpoint: str, tcp_port: int) -> None:
             command.put(ChassisCommand(answers=event.message.stamp, twist=Twist2(linear=0.0, angular=0.0)))
         pings.undeclare()
         thread.join()
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 if __name__ == "__main__":

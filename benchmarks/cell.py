@@ -11,12 +11,12 @@ from pathlib import Path
 
 import mujoco
 
-from benchmarks.bus import free_port
 from benchmarks.report import Report
 from schemas.base import NANOSECONDS
 from services.sim.profiles import load_profiles
 from services.sim.simulation import Simulation
 from services.sim.worldfile import World, load_world
+from tests.ports import free_port
 from tests.system.cell import Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard

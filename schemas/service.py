@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 WORLD = "world"
 CELL = "cell"
-SERVICES = ("sim", "planner", "controller", "gateway", "viewer", "router")
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, MoveCreate
 from schemas.service import WORLD, ServiceId
 from tests.bus.conftest import wait_for
 from tests.bus.peer import ME
+from tests.ports import free_port
 
 Start = Callable[[str], subprocess.Popen[bytes]]
 
@@ -197,8 +198,6 @@ def test_an_uncaught_exception_ends_the_process(start: Start) -> None:
 
 def test_a_service_may_start_before_the_router() -> None:
     """It opens, waits in the background, and is on the bus once the router is."""
-    from tests.bus.conftest import free_port
-
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with Bus(ServiceId("sim", WORLD), BusConfig(connect=endpoint)) as early:
         inbox = early.inbox().watch_services()
@@ -211,8 +210,6 @@ def test_a_service_may_start_before_the_router() -> None:
 
 
 def test_peers_keep_talking_while_the_router_is_gone() -> None:
-    from tests.bus.conftest import free_port
-
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     process = subprocess.Popen([sys.executable, "-m", "bus.router", "--listen", endpoint])
     with (

@@ -23,14 +23,9 @@ from services.gateway.__main__ import app
 from tests.gateway import messages
 from tests.gateway.fake_bus import NOW
 from tests.gateway.harness import PATIENCE, Socket
+from tests.ports import free_port
 
 GATEWAY = ServiceId("gateway", CELL)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import copy
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -73,16 +74,13 @@ class Driver:
     # -- maps --------------------------------------------------------------------------------------------------------
 
     def overlay(self, *features: Json) -> None:
-        """Use the current map's geometry with these overlay features only."""
-        current = self.request("GET", "/chassis/current-map")
-        stored = self.request("GET", f"/maps/{current['id']}") if current["id"] > 0 else self._base_map()
+        """Use the geometry of the map the cell came with, with these overlay features only."""
+        stored = self._base_map()
         png = self._http.get(f"/maps/{stored['id']}.png").content
         self.use_map(png, stored["grid_origin_x"], stored["grid_origin_y"], stored["grid_resolution"], *features)
 
     def use_map(self, png: bytes, origin_x: float, origin_y: float, resolution: float, *features: Json) -> None:
         """Use a map given whole."""
-        import json
-
         body = {
             "map_name": "of a test",
             "occupancy_grid": base64.b64encode(png).decode(),
