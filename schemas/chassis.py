@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from schemas.base import Array, Message, Pose2, Stamp, Twist2, Vec2, Vec3
 
@@ -100,6 +100,26 @@ class ChassisModel(Message):
     footprint: Annotated[np.ndarray, Array("<f8", (-1, 2))]
     wheel_separation: float
     wheel_radius: float
+
+
+class Costmap(Message):
+    """What the planner steers by nearby: cells row by row from the lower-left corner ``origin`` (map frame).
+
+    0 is free with room to spare, 1 … 252 the dearer the closer to something, 253 too close for the chassis' middle,
+    254 blocked, 255 unknown. ``resolution`` in metres a cell.
+    """
+
+    stamp: Stamp
+    origin: Vec2
+    resolution: Annotated[float, Field(gt=0)]
+    columns: Annotated[int, Field(gt=0)]
+    cost: Annotated[np.ndarray, Array("|u1", (-1,))]
+
+    @model_validator(mode="after")
+    def _whole_rows(self) -> Self:
+        if self.cost.size % self.columns:
+            raise ValueError(f"{self.cost.size} cells are no whole rows of {self.columns}")
+        return self
 
 
 class Alert(Message):

@@ -11,6 +11,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Annotated, Any, Generic, Literal, Self, TypeVar
 
+import numpy as np
 from pydantic import (
     BeforeValidator,
     ConfigDict,
@@ -22,7 +23,7 @@ from pydantic import (
 )
 from pydantic.alias_generators import to_pascal
 
-from schemas.base import Message, Stamp, Vec3, Vec6
+from schemas.base import Array, Message, Quaternion, Stamp, Vec3, Vec6
 from schemas.crf import CrfCode
 from schemas.crf_requests import CrfInt, CrfMessage, CrfVector
 from schemas.orientation import CrfVec6, TaskPose
@@ -341,3 +342,42 @@ class ArmCommand(Message):
     mode: Literal["position", "velocity", "torque"]
     values: Annotated[Numbers, Field(min_length=1)]
     token: FencingToken
+
+
+class ArmModel(Message):
+    """Which arm it is, and where its base frame stands in the map: metres and a quaternion."""
+
+    kind: str
+    position: Vec3
+    orientation: Quaternion
+
+
+class MotionPath(Message):
+    """The way of the tool through all that is queued, and what it is made of; empty when nothing is.
+
+    ``points`` are rows of x, y, z in the arm's base frame, in metres, evenly spaced in time. ``ends`` are the rows at
+    which one motion of the queue ends.
+    """
+
+    stamp: Stamp
+    points: Annotated[np.ndarray, Array("<f4", (-1, 3))]
+    ends: Annotated[tuple[int, ...], Strict(False)] = ()
+
+
+class MotionDiagnostics(Message):
+    """How well the loop does. Errors are of what is measured against what was commanded for that instant.
+
+    ``target_position`` and ``target_orientation``: the tool as commanded, in the base frame. Durations are the longest
+    since the last message, in µs of the machine's time; ``late_ticks`` counts since the controller began.
+    """
+
+    stamp: Stamp
+    target_position: Vec3
+    target_orientation: Quaternion
+    joint_errors: Numbers
+    linear_error: float
+    angular_error: float
+    tick_us: float
+    solver_us: float
+    solver_iterations: int
+    late_ticks: int

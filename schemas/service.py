@@ -1,8 +1,13 @@
-"""Who is there: liveliness tokens of services."""
+"""Who is there: liveliness tokens of services, and how well each hears."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from schemas.base import Message
 
 WORLD = "world"
 CELL = "cell"
@@ -30,3 +35,15 @@ class ServiceId:
 
 
 ALIVE_EVERYWHERE = "rackhand/*/alive/*"
+
+Count = Annotated[int, Field(ge=0)]
+
+
+class BusStats(Message):
+    """What one service's inboxes have taken in since it started: samples and requests read, samples that newer ones
+    pushed out unread, and what did not parse."""
+
+    service: str
+    received: Count
+    dropped: Count
+    malformed: Count

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, TypeVar
 
-from schemas import chassis, maps, motion, moves, world
+from schemas import chassis, maps, motion, moves, service, world
 from schemas.base import Message
 from schemas.service import WORLD
 
@@ -77,6 +77,7 @@ CHASSIS_MODEL = _chassis("model", chassis.ChassisModel, 0, Qos.LATCHED, "footpri
 POSE = _chassis("pose", chassis.LocalisedPose, 25, Qos.STREAM, "localised pose in the map", publisher="localisation")
 CHASSIS_STATUS = _chassis("status", chassis.ChassisStatus, 0, Qos.LATCHED, "mode, stops, alerts", publisher="planner")
 COMMAND = _chassis("command", chassis.ChassisCommand, 25, Qos.COMMAND, "body velocity and jack", publisher="planner")
+COSTMAP = _chassis("costmap", chassis.Costmap, 1, Qos.STREAM, "what the planner steers by nearby", publisher="planner")
 
 PLANNING_STATE = Topic(
     "moves/planning_state",
@@ -103,6 +104,15 @@ ARM_STATE = Topic(
     500,
     Qos.STREAM,
     "joint positions, velocities, efforts, flange wrench",
+)
+ARM_MODEL = Topic(
+    "arm/model",
+    "rackhand/{robot}/arm/model",
+    motion.ArmModel,
+    "driver",
+    0,
+    Qos.LATCHED,
+    "which arm it is, and where its base stands",
 )
 ARM_COMMAND = Topic(
     "arm/command",
@@ -131,7 +141,24 @@ MOTION_EVENT = Topic(
     Qos.EVENT,
     "control granted and lost, stops",
 )
-
+MOTION_PATH = Topic(
+    "motion/path",
+    "rackhand/{robot}/motion/path",
+    motion.MotionPath,
+    "controller",
+    0,
+    Qos.LATCHED,
+    "the tool's way through all that is queued",
+)
+MOTION_DIAGNOSTICS = Topic(
+    "motion/diagnostics",
+    "rackhand/{robot}/motion/diagnostics",
+    motion.MotionDiagnostics,
+    "controller",
+    25,
+    Qos.STREAM,
+    "tracking errors, time of ticks and of the solver, late ticks",
+)
 MOTION_STREAM = Topic(
     "motion/stream",
     "rackhand/{robot}/motion/stream",
@@ -149,6 +176,16 @@ MOTION_SESSION = Topic(
     0,
     Qos.EVENT,
     "a client's connection is gone",
+)
+
+BUS_STATS = Topic(
+    "bus/stats",
+    "rackhand/{robot}/bus/stats",
+    service.BusStats,
+    "every service",
+    0,
+    Qos.STREAM,
+    "what its inboxes read, lost and could not parse, once a second of the machine's time",
 )
 
 CLOCK = Topic("clock", "rackhand/world/clock", world.Clock, "sim", 50, Qos.STREAM, "simulation time, speed, paused")
@@ -211,9 +248,9 @@ WORLD_CONTROL = Query(
 )
 
 TOPICS: tuple[Topic[Any], ...] = (
-    ODOMETRY, SCAN, IMU, JACK, BATTERY, CONTACTS, CHASSIS_MODEL, POSE, CHASSIS_STATUS, COMMAND,
-    PLANNING_STATE, PATH, MOVE_EVENT, MAP, ARM_STATE, ARM_COMMAND, MOTION_STATUS, MOTION_EVENT, MOTION_STREAM,
-    MOTION_SESSION, CLOCK, OBJECTS, SCENE,
+    ODOMETRY, SCAN, IMU, JACK, BATTERY, CONTACTS, CHASSIS_MODEL, POSE, CHASSIS_STATUS, COMMAND, COSTMAP,
+    PLANNING_STATE, PATH, MOVE_EVENT, MAP, ARM_STATE, ARM_MODEL, ARM_COMMAND, MOTION_STATUS, MOTION_EVENT, MOTION_PATH,
+    MOTION_DIAGNOSTICS, MOTION_STREAM, MOTION_SESSION, BUS_STATS, CLOCK, OBJECTS, SCENE,
 )  # fmt: skip
 QUERIES: tuple[Query[Any, Any], ...] = (MOVES, CHASSIS_REQUEST, MAPS, MOTION, MOTION_STOP, WORLD_CONTROL)
 
