@@ -47,6 +47,8 @@ EXPOSE 7447
 
 FROM runtime AS sim
 COPY --from=build-sim /venv /venv
+# Compiled here once, so that no container has to before it is ready.
+RUN python -c "from services.sim.simulation import *; from services.sim.worldfile import load_world; Simulation(load_world('pick_station'), {}, 0)"
 CMD ["python", "-m", "services.sim", "--wait-for", "amr1/planner"]
 
 FROM runtime AS planner

@@ -9,22 +9,29 @@ import mujoco
 import numpy as np
 
 from schemas.motion import ArmCommand, ArmState
-from services.sim import arm_reference as reference
 from services.sim.arm_kinds import ArmKind
 from services.sim.arm_model import CUP, FORCE, SUCTION, SUCTION_FORCE, TORQUE
-from services.sim.arm_reference import Array, JointLimits, Motion, Segment
+from services.sim.arm_servo import (
+    HOLD,
+    POSITION,
+    VELOCITY,
+    Array,
+    JointLimits,
+    Joints,
+    Reference,
+    hold_to,
+    let_torques,
+    plan,
+)
 from services.sim.drive import COMMAND_LIFE_NS
 from services.sim.errors import WorldFileError
 from services.sim.fence import Fence
 
-# The servo's poles, rad/s: fast beside any motion, slow beside its period of 1 ms.
-BANDWIDTH = 100.0
-# A joint that is held back drags its reference along at this distance (rad), instead of winding up.
-MAX_ERROR = 0.05
 # Commands come each 2 … 20 ms (s); before the second one has come, the interval is taken to be this.
 SHORTEST, LONGEST, FIRST_INTERVAL = 0.002, 0.02, 0.004
 
 Mode = Literal["position", "velocity", "torque", "hold"]
+_PLANS = {"position": POSITION, "velocity": VELOCITY}
 
 
 @dataclass(frozen=True)
@@ -61,13 +68,12 @@ class Arm:
         self._mode: Mode = "hold"
         self._step = float(model.opt.timestep)
         data.qpos[self._qpos] = home
-        self._torque = np.zeros(self.n)
-        # Where the reference is, the difference of its last two positions over time, what it
-        # follows and since when, and which joints it had to wait for.
-        self._position, self._rate = np.array(home), np.zeros(self.n)
-        self._segment: Segment = reference.braking(Motion(self._position, self._rate), self.limits, self._step)
-        self._time = 0.0
-        self._held_back = np.zeros(self.n, dtype=bool)
+        self._torque, self._none = np.zeros(self.n), np.zeros(self.n)
+        self._reference = Reference.at(np.array(home), self._none, self._step)
+        # Compiled here, for no command is to wait for it.
+        self._plan("hold", None, is_new=True)
+        let_torques(self._none, self._now, self.limits, self._torque)
+        hold_to(self._reference, self._now, self.limits, self._step, self._torque)
 
     @property
     def n(self) -> int:
@@ -86,9 +92,15 @@ class Arm:
                   if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT}  # fmt: skip
         self._motors = np.array([motors[joint] for joint in joints])
         # The arm is a serial chain, so that its rows of the sparse mass matrix are a dense lower triangle.
-        lower, self._mass_entries = np.tril_indices(self.n), np.zeros((self.n, self.n), dtype=np.intp)
-        self._mass_entries[lower] = self._mass_entries.T[lower] = int(model.M_rowadr[dof]) + np.arange(len(lower[0]))
-        self._damping = np.array(model.dof_damping[self._qvel])
+        row, data = int(model.M_rowadr[dof]), self._data
+        self._now = Joints(
+            data.qpos[self._qpos],
+            data.qvel[self._qvel],
+            data.M[row : row + self.n * (self.n + 1) // 2],
+            data.qfrc_bias[self._qvel],
+            data.qfrc_passive[self._qvel],
+            model.dof_damping[self._qvel],
+        )
         self._force, self._moment = (int(model.sensor(prefix + kind).adr[0]) for kind in (FORCE, TORQUE))
         names = {model.actuator(i).name: i for i in range(model.nu)}
         self._suction = names.get(prefix + SUCTION)
@@ -126,6 +138,8 @@ class Arm:
         if self.fault_of(command) or not self._fence.admit(command.token, command.answers):
             return False
         values, before = np.array(command.values), self._order
+        if command.mode == "position":
+            values = np.clip(values, self.limits.lower, self.limits.upper)
         gap = FIRST_INTERVAL if before is None else (command.answers - before.answers) * 1e-9
         interval = min(max(gap, SHORTEST), LONGEST) if before is None or gap > 0 else before.interval
         velocity = slope = np.zeros(self.n)
@@ -150,90 +164,50 @@ class Arm:
             order = self._order = None
         mode: Mode = "hold" if order is None else order.mode
         if self._mode == "torque" and mode != "torque":
-            self._start_from(self._measured())
+            # What the reference was before is forgotten.
+            self._reference = Reference.at(self._now.position, self._now.velocity, self._step)
         if mode != self._mode or order is not self._taken:
             self._plan(mode, order, is_new=True)
         self._mode, self._taken = mode, order
 
     def servo(self) -> None:
         """Set the motors for one physics step, whose positions and velocities are computed already (``mj_step1``)."""
-        data = self._data
-        mass = data.M[self._mass_entries]
-        bias = data.qfrc_bias[self._qvel]
         if self._mode == "torque" and self._taken is not None:
-            asked = np.clip(self._taken.values, -self.limits.torque, self.limits.torque)
-            torque = asked + bias + mass @ self._too_fast()
+            let_torques(self._taken.values, self._now, self.limits, self._torque)
         else:
-            # The physics takes the joints' damping implicitly, as part of the mass.
-            wanted = self._wanted_acceleration()
-            torque = mass @ wanted + self._step * self._damping * wanted + bias - data.qfrc_passive[self._qvel]
-        self._torque = np.clip(torque, -self.limits.torque, self.limits.torque)
-        data.ctrl[self._motors] = self._torque
+            time, duration = self._reference.timing
+            if time > duration - self._step / 2:
+                self._plan(self._mode, self._taken, is_new=False)
+            hold_to(self._reference, self._now, self.limits, self._step, self._torque)
+        control = self._data.ctrl
+        control[self._motors] = self._torque
         if self._suction is not None:
-            data.ctrl[self._suction] = float(self.suction)
-
-    def _wanted_acceleration(self) -> Array:
-        """Go one step along the reference. Its velocities are differences of its positions, as those of the physics."""
-        if self._time > self._segment.duration - self._step / 2:
-            self._plan(self._mode, self._taken, is_new=False)
-        now = self._measured()
-        p, v = self._position, self._rate
-        self._time += self._step
-        planned = self._segment.position(self._time)
-        p_next: Array = np.clip(planned, now.position - MAX_ERROR, now.position + MAX_ERROR)
-        # The reference of a joint that is held back stands, or the joint's own shaking would drive it.
-        held_back: Array = p_next != planned
-        v_next = np.where(held_back, 0.0, (p_next - p) / self._step)
-        acceleration = np.where(held_back | self._held_back, 0.0, (v_next - v) / self._step)
-        self._position, self._rate, self._held_back = p_next, v_next, held_back
-        error, error_rate = p - now.position, v - now.velocity
-        return np.asarray(acceleration + BANDWIDTH**2 * error + 2 * BANDWIDTH * error_rate)
+            control[self._suction] = float(self.suction)
 
     def _plan(self, mode: Mode, order: Order | None, is_new: bool) -> None:
         """The next segment, from the present reference on. A command that is not new has ended its stream."""
-        velocity = np.where(self._held_back, 0.0, self._segment.velocity(self._time))
-        now, interval = Motion(self._position, velocity), FIRST_INTERVAL if order is None else order.interval
+        interval = FIRST_INTERVAL if order is None else order.interval
         duration = max(round(interval / self._step), 1) * self._step
-        match mode:
-            case "position" if order is not None:
-                passing = order.velocity if is_new else np.zeros(self.n)
-                self._segment = reference.towards(now, order.values, passing, self.limits, duration)
-            case "velocity" if order is not None:
-                self._segment = reference.at_velocity(now, order.values, self.limits, duration)
-            case _:
-                self._segment = reference.braking(now, self.limits, duration)
-        self._time = 0.0
-
-    def _start_from(self, motion: Motion) -> None:
-        """Forget the reference so far; brake from ``motion`` on, unless something else is planned."""
-        self._position, self._rate, self._time = motion.position, motion.velocity, 0.0
-        self._held_back = np.zeros(self.n, dtype=bool)
-        self._segment = reference.braking(motion, self.limits, self._step)
-
-    def _too_fast(self) -> Array:
-        """Torques know no speed: what brakes a joint that a torque has driven beyond its velocity limit (rad/s²)."""
-        velocity = self._measured().velocity
-        return -3 * BANDWIDTH * (velocity - np.clip(velocity, -self.limits.velocity, self.limits.velocity))
+        values = self._none if order is None else order.values
+        passing = order.velocity if order is not None and is_new else self._none
+        plan(self._reference, _PLANS.get(mode, HOLD), values, passing, self.limits, duration)
 
     def _pull(self) -> Array:
         """The force of the suction on what the cup touches, along the cup's axis."""
         touches = self.suction and bool((self._data.contact.geom == self._cup).any())
         return np.array([0.0, 0.0, SUCTION_FORCE if touches else 0.0])
 
-    def _measured(self) -> Motion:
-        return Motion(np.array(self._data.qpos[self._qpos]), np.array(self._data.qvel[self._qvel]))
-
     # -- what it measures --------------------------------------------------------------------------------------------
 
     def state(self, stamp: int) -> ArmState:
         """``efforts`` are the motors' torques; ``wrench`` is what the tool (its weight included) does to the flange."""
-        measured, sensed = self._measured(), self._data.sensordata
+        sensed = self._data.sensordata
         # MuJoCo's sensors measure what the flange does to the tool, and leave out the pull of an adhesion.
         force, moment = -sensed[self._force : self._force + 3], -sensed[self._moment : self._moment + 3]
         return ArmState(
             stamp=stamp,
-            q=tuple(measured.position.tolist()),
-            dq=tuple(measured.velocity.tolist()),
+            q=tuple(self._now.position.tolist()),
+            dq=tuple(self._now.velocity.tolist()),
             efforts=tuple(self._torque.tolist()),
             wrench=(*(force + self._pull()).tolist(), *moment.tolist()),
         )

@@ -192,6 +192,19 @@ def test_no_joint_leaves_its_range(mode: str, value: float) -> None:
     assert states[-1].q[0] == pytest.approx(upper, abs=1e-3) and abs(states[-1].dq[0]) < 1e-3
 
 
+@pytest.mark.parametrize("seconds", [0.6, 0.24])
+def test_a_stream_of_positions_cannot_drive_a_joint_out_of_its_range(seconds: float) -> None:
+    """It runs through the end of the range at 2 rad/s; cut short, its last positions are beyond it already."""
+    home = (2 * np.pi - 0.4, *PICK_STATION_HOME[1:])
+    simulation = Simulation(arm_world(home=home), {}, 0, EXACT)
+    states = control(simulation, seconds, "position", lambda time: home + np.eye(6)[0] * 2 * time)
+    states += wait(simulation, 0.4)
+    upper = arm_of(simulation).limits.upper[0]
+    assert velocities(states)[:, 0].max() > 1.8
+    assert positions(states)[:, 0].max() <= upper + 1e-3
+    assert abs(states[-1].dq[0]) < 1e-3
+
+
 def test_velocities_are_followed_and_capped(simulation: Simulation) -> None:
     wanted = np.zeros(arm_of(simulation).n)
     wanted[0], wanted[-1] = 0.8, -99.0

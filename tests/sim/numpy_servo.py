@@ -1,6 +1,6 @@
-"""The motion an arm's drives hold to: short segments from where the reference is to where a command wants it.
+"""The oracle of the arm's servo: the same laws written with numpy, all joints at once.
 
-Pure; arrays are (n,), one entry a joint: rad, rad/s, rad/s²; times in seconds.
+Arrays are (n,), one entry a joint: rad, rad/s, rad/s², N·m; times in seconds.
 """
 
 from __future__ import annotations
@@ -8,22 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
-# A stream of positions at its acceleration limit, sampled and with jitter, asks for more than the limit between two
-# samples. Within this factor it is followed to the letter; beyond it, as a jump.
-STREAM_SLACK = 4.0
-
-
-@dataclass(frozen=True)
-class JointLimits:
-    lower: Array
-    upper: Array
-    velocity: Array
-    acceleration: Array
-    torque: Array
+from services.sim.arm_servo import BANDWIDTH, MAX_ERROR, STREAM_SLACK, Array, JointLimits
 
 
 @dataclass(frozen=True)
@@ -68,6 +54,8 @@ def towards(now: Motion, target: Array, velocity: Array, limits: JointLimits, du
     way = target - now.position
     reach = STREAM_SLACK * limits.acceleration * duration**2 / 2
     at_hand = (np.abs(way - now.velocity * duration) <= reach) & (np.abs(way) <= limits.velocity * duration * 1.001)
+    room = np.where(velocity > 0, limits.upper - target, target - limits.lower)
+    at_hand &= np.abs(velocity) <= np.sqrt(2 * limits.acceleration * room) + limits.acceleration * duration
     speed = _stopping_speed(np.abs(way), np.sign(way) * now.velocity, limits, duration)
     limited = _accelerate(now, np.sign(way) * speed, limits.acceleration, duration)
     end = Motion(np.where(at_hand, target, limited.end.position), np.where(at_hand, velocity, limited.end.velocity))
@@ -103,3 +91,45 @@ def _stopping_speed(room: Array, speed: Array, limits: JointLimits, duration: fl
     step = limits.acceleration * duration
     below_root = np.maximum(step**2 / 4 + limits.acceleration * (2 * room - speed * duration), 0.0)
     return np.asarray(np.clip(np.sqrt(below_root) - step / 2, 0.0, limits.velocity), dtype=np.float64)
+
+
+class NumpyServo:
+    """The reference, and the torques that hold the joints to it. It begins at rest."""
+
+    def __init__(self, position: Array, limits: JointLimits, step: float) -> None:
+        self.limits, self.step = limits, step
+        self.position, self.rate = position.copy(), np.zeros_like(position)
+        self.held_back = np.zeros(len(position), dtype=bool)
+        self.segment = braking(Motion(self.position, self.rate), limits, step)
+        self.time = 0.0
+
+    def plan(self, mode: str, values: Array, passing: Array, duration: float) -> None:
+        now = Motion(self.position, np.where(self.held_back, 0.0, self.segment.velocity(self.time)))
+        match mode:
+            case "position":
+                self.segment = towards(now, values, passing, self.limits, duration)
+            case "velocity":
+                self.segment = at_velocity(now, values, self.limits, duration)
+            case _:
+                self.segment = braking(now, self.limits, duration)
+        self.time = 0.0
+
+    def hold_to(self, q: Array, dq: Array, mass: Array, bias: Array, passive: Array, damping: Array) -> Array:
+        """``mass`` is the whole matrix, (n, n)."""
+        p, v = self.position, self.rate
+        self.time += self.step
+        planned = self.segment.position(self.time)
+        p_next = np.clip(planned, q - MAX_ERROR, q + MAX_ERROR)
+        held_back = p_next != planned
+        v_next = np.where(held_back, 0.0, (p_next - p) / self.step)
+        acceleration = np.where(held_back | self.held_back, 0.0, (v_next - v) / self.step)
+        self.position, self.rate, self.held_back = p_next, v_next, held_back
+        wanted = acceleration + BANDWIDTH**2 * (p - q) + 2 * BANDWIDTH * (v - dq)
+        torque = mass @ wanted + self.step * damping * wanted + bias - passive
+        return np.asarray(np.clip(torque, -self.limits.torque, self.limits.torque))
+
+
+def let_torques(asked: Array, dq: Array, mass: Array, bias: Array, limits: JointLimits) -> Array:
+    too_fast = dq - np.clip(dq, -limits.velocity, limits.velocity)
+    torque = np.clip(asked, -limits.torque, limits.torque) + bias - 3 * BANDWIDTH * mass @ too_fast
+    return np.asarray(np.clip(torque, -limits.torque, limits.torque))
