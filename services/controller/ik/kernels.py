@@ -22,6 +22,7 @@ SCALE, MEASURE, ERROR_LINEAR, ERROR_ANGULAR, SOLVER, REPORT = 0, 1, 2, 3, 4, 5
 NONE, CHOLESKY, BOX, ROWS = 0, 1, 2, 3
 SETTLING = 10.0  # [1/s] how fast the arm draws near a posture that only is the nearest: it moves as the target does
 LOOKS = 12  # steps of `look_ahead`
+PROJECTED = 12  # steps of projected Newton, which seldom takes more than six
 REACH = 0.01  # error left at rest [m, rad] from which the target is out of reach, and feeding its motion forward no use
 
 
@@ -141,6 +142,7 @@ def cholesky_solve(factor, size, b, x):  # type: ignore[no-untyped-def]
 def solve_box(h, c, lower, upper, x):  # type: ignore[no-untyped-def]
     """min ½ xᵀHx - cᵀx within the box, H positive definite: exact to rounding. Starts at `x`, leaves the solution
     there. Projected Newton (Bertsekas 1982): Newton's step on the free coordinates, cut to the box, with Armijo's rule.
+    Where that zigzags between faces of the box, which badly conditioned H make it do, `walk_faces` takes over.
 
     Returns the number of factorisations, negative when it gave up (which no test has seen)."""
     n = c.shape[0]
@@ -148,7 +150,7 @@ def solve_box(h, c, lower, upper, x):  # type: ignore[no-untyped-def]
     part, factor, step, trial = np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n)
     for i in range(n):
         x[i] = min(max(x[i], lower[i]), upper[i])
-    for iteration in range(60):
+    for iteration in range(PROJECTED):
         size = 0
         for i in range(n):
             total = -c[i]
@@ -186,6 +188,55 @@ def solve_box(h, c, lower, upper, x):  # type: ignore[no-untyped-def]
         x[:] = trial
         if largest <= 1e-9:
             return iteration + 1
+    more = walk_faces(h, c, lower, upper, x)
+    return PROJECTED + more if more > 0 else more - PROJECTED
+
+
+@njit(cache=True)
+def walk_faces(h, c, lower, upper, x):  # type: ignore[no-untyped-def]
+    """`solve_box` by the primal active-set method (Nocedal & Wright 2006, §16.5): to the minimum of a face of the box
+    or the first bound on the way, which then holds; at a minimum, the bound that pushes inwards most is let go. Takes
+    more steps than projected Newton, and always arrives."""
+    n = c.shape[0]
+    held, free = np.zeros(n, np.bool_), np.empty(n, np.int64)
+    part, factor, step = np.empty((n, n)), np.empty((n, n)), np.empty(n)
+    for i in range(n):
+        held[i] = x[i] <= lower[i] or x[i] >= upper[i]
+    for iteration in range(60):
+        gradient = h @ x - c
+        size = 0
+        for i in range(n):
+            if not held[i]:
+                free[size] = i
+                size += 1
+        for a in range(size):
+            step[a] = -gradient[free[a]]
+            for b in range(a + 1):
+                part[a, b] = h[free[a], free[b]]
+        cholesky(part, size, factor)
+        cholesky_solve(factor, size, step, step)
+        length, first, largest = 1.0, -1, 0.0
+        for a in range(size):
+            i = free[a]
+            largest = max(largest, abs(step[a]))
+            room = (upper[i] if step[a] > 0.0 else lower[i]) - x[i]
+            if abs(step[a]) > 1e-300 and room / step[a] < length:
+                length, first = room / step[a], i
+        for a in range(size):
+            i = free[a]
+            x[i] = min(max(x[i] + length * step[a], lower[i]), upper[i])
+        if first >= 0:
+            held[first] = True
+            x[first] = lower[first] if x[first] - lower[first] < upper[first] - x[first] else upper[first]
+        elif largest <= 1e-9:
+            worst, most = -1, 1e-12
+            for i in range(n):
+                inwards = -gradient[i] if x[i] <= lower[i] else gradient[i]
+                if held[i] and lower[i] < upper[i] and inwards > most:
+                    worst, most = i, inwards
+            if worst < 0:
+                return iteration + 1
+            held[worst] = False
     return -60
 
 

@@ -5,7 +5,7 @@ import osqp
 import pinocchio as pin
 import pytest
 import scipy.sparse as sparse
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from services.controller.ik import Arm, load_arm, velocity_box
@@ -112,6 +112,7 @@ def random_qp(seed: int, n: int) -> tuple[np.ndarray, ...]:
 
 @settings(max_examples=300, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 7))
+@example(4151757037, 7)  # projected Newton alone zigzags for ever
 def test_box_solution_meets_its_conditions(seed: int, n: int) -> None:
     h, c, lower, upper = random_qp(seed, n)
     x = np.zeros(n)
@@ -125,6 +126,16 @@ def test_box_solution_meets_its_conditions(seed: int, n: int) -> None:
         assert np.max(np.abs(np.linalg.solve(h[np.ix_(free, free)], slope[free]))) < 1e-8
     assert np.all(slope[x == lower] >= -1e-9)
     assert np.all(slope[x == upper] <= 1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 7))
+def test_both_ways_to_the_box_solution_meet(seed: int, n: int) -> None:
+    h, c, lower, upper = random_qp(seed, n)
+    x, y = np.zeros(n), np.clip(np.zeros(n), lower, upper)
+    k.solve_box(h, c, lower, upper, x)
+    assert k.walk_faces(h, c, lower, upper, y) > 0
+    np.testing.assert_allclose(x, y, atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", range(20))
