@@ -129,6 +129,7 @@ class Inbox:
         self._alive: dict[str, bool] = {}
         self._wake: Callable[[], object] | None = None
         self._stopped = False
+        self.received = 0
         self.malformed: Counter[str] = Counter()
 
     @property
@@ -206,6 +207,7 @@ class Inbox:
             if source is None:
                 self._stopped = True
             elif (event := source.decode(source.pop())) is not None:
+                self.received += 1
                 return event
         return None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
@@ -20,8 +21,8 @@ from bus.inbox import Inbox
 from schemas.base import Message
 from schemas.chassis import Refusal
 from schemas.codec import Codec, MalformedMessage, codec_for
-from schemas.service import WORLD, ServiceId
-from schemas.topics import Qos, Query, Topic
+from schemas.service import WORLD, BusStats, ServiceId
+from schemas.topics import BUS_STATS, Qos, Query, Topic
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
@@ -50,6 +51,24 @@ class Publisher(Generic[M]):
             self._publisher.put(payload)
 
 
+class Reporter:
+    """Publishes what ``report`` returns once a second of the machine's time, in a thread of its own."""
+
+    def __init__(self, publisher: Publisher[M], report: Callable[[], M], period: float = 1.0) -> None:
+        self._publisher, self._report, self._period = publisher, report, period
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="bus-stats", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._closing.wait(self._period):
+            self._publisher.put(self._report())
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join()
+
+
 class Bus:
     """One service's connection. Use as a context manager: a session left open would keep the process alive for ever."""
 
@@ -59,6 +78,7 @@ class Bus:
         self._inboxes: list[Inbox] = []
         self._handles: list[Any] = []
         self.stopping = False
+        self._reporter: Reporter | None = None
 
     def __enter__(self) -> Bus:
         self._session = zenoh.open(self._config.zenoh_config())
@@ -68,6 +88,8 @@ class Bus:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.stop()
+        if self._reporter is not None:
+            self._reporter.close()
         for inbox in self._inboxes:
             inbox.close()
         for handle in self._handles:
@@ -175,6 +197,16 @@ class Bus:
     def announce(self) -> None:
         """Tell everyone that this service is ready, until it ends in whatever way."""
         self._handles.append(self._session.liveliness().declare_token(self.service.key))
+        self._reporter = Reporter(self.publisher(BUS_STATS, self.service.robot), self.stats)
+
+    def stats(self) -> BusStats:
+        """What all inboxes have taken in so far."""
+        return BusStats(
+            service=self.service.service,
+            received=sum(inbox.received for inbox in self._inboxes),
+            dropped=sum(inbox.dropped for inbox in self._inboxes),
+            malformed=sum(inbox.malformed.total() for inbox in self._inboxes),
+        )
 
     def stop(self) -> None:
         """End the iteration of every inbox. May be called from a signal handler and from any thread."""

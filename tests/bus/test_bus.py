@@ -228,3 +228,31 @@ def test_peers_keep_talking_while_the_router_is_gone() -> None:
         wait_for(inbox, ServiceId("router", "cell"), alive=False)
         publisher.put(PlanningState(stamp=1))
         assert next_sample(states).message.stamp == 1
+
+
+def test_a_service_tells_what_it_read_lost_and_could_not_parse(bus: Bus, router: str) -> None:
+    """A slow reader of a stream: of twenty samples four are kept, sixteen count as dropped, one payload is none."""
+    stats = bus.inbox().subscribe(topics.BUS_STATS, "amr1")
+    config = BusConfig(connect=router)
+    with Bus(ServiceId("planner", "amr1"), config) as planner, zenoh.open(config.zenoh_config()) as stranger:
+        slow = planner.inbox().subscribe(topics.COMMAND, "amr1").subscribe(topics.ODOMETRY, "amr1", depth=4)
+        publisher = bus.publisher(topics.ODOMETRY, "amr1")
+        while slow.get(timeout=0.2) is None:
+            publisher.put(odometry(0))
+        publisher.put(odometry(1))
+        while next_sample(slow).message.stamp != 1:
+            pass
+        before = planner.stats()
+        for stamp in range(20):
+            publisher.put(odometry(stamp))
+        while planner.stats().dropped < before.dropped + 16:
+            assert planner.stats().received == before.received
+        stranger.put(topics.COMMAND.key_for("amr1"), b"\xc1")
+        while planner.stats().malformed == 0:
+            slow.get(timeout=0.2)
+        planner.announce()
+        told = next_sample(stats)
+    assert (told.robot, told.message.service) == ("amr1", "planner")
+    assert told.message.received == before.received + 4
+    assert told.message.dropped == before.dropped + 16
+    assert told.message.malformed == 1
