@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated
@@ -63,7 +64,7 @@ def main(
     access = AccessConfig(keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf)
     audit = AuditWriter(audit_log, lambda error: log.error("the audit log cannot be written", error=str(error)))
     with ThreadPoolExecutor(1, thread_name_prefix="plan") as planning:
-        controller = Controller(model, period_ns, planning, lambda: secrets.token_hex(8), access)
+        controller = Controller(model, period_ns, planning, lambda: secrets.token_hex(8), access, time.perf_counter_ns)
         try:
             with Bus(ServiceId("controller", robot)) as bus:
                 bus.handle_signals()

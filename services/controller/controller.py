@@ -17,13 +17,25 @@ import numpy as np
 from schemas import crf_requests as crf
 from schemas.base import Message
 from schemas.crf import CrfCode
-from schemas.motion import ArmCommand, ArmState, ControlInfo, Expected, MotionEvent, MotionStatus
+from schemas.motion import (
+    ArmCommand,
+    ArmState,
+    ControlInfo,
+    Expected,
+    MotionDiagnostics,
+    MotionEvent,
+    MotionPath,
+    MotionStatus,
+)
 from services.controller import ik
 from services.controller.access import Access
 from services.controller.access_hop import LastHop
 from services.controller.access_streams import StreamGuard, StreamSample
 from services.controller.access_types import AccessConfig, AuditEntry, ContinueMotion, Order, StopMotion
+from services.controller.motion.diagnostics import diagnostics
+from services.controller.motion.meter import Meter, Stopwatch, no_stopwatch
 from services.controller.motion.mover import Mover, Reference
+from services.controller.motion.outline import outline
 from services.controller.motion.parameters import ParametersRefused
 from services.controller.motion.planner import Answered, PathPlanner
 from services.controller.motion.profile import configuration
@@ -33,7 +45,8 @@ from services.controller.protocol.answers import encode, error
 from services.controller.protocol.checks import parameters_of
 from services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
 from services.controller.protocol.parse import parse
-from services.controller.trajectory.model import PathRefused
+from services.controller.trajectory.model import Array, PathRefused
+from services.controller.trajectory.queue import Leg
 
 STATUS_PERIOD_NS = 40_000_000
 STANDSTILL = 0.05  # rad/s measured
@@ -48,6 +61,8 @@ class Output:
     audit: list[AuditEntry] = field(default_factory=list)
     streams: list[tuple[str, str]] = field(default_factory=list)
     status: MotionStatus | None = None
+    diagnostics: MotionDiagnostics | None = None
+    path: MotionPath | None = None
     errors: list[BaseException] = field(default_factory=list)
 
 
@@ -61,10 +76,14 @@ class Controller:
         executor: Executor,
         new_epoch: Callable[[], str],
         access: AccessConfig = AccessConfig(),  # noqa: B008 - it is frozen
+        stopwatch: Stopwatch = no_stopwatch,
     ) -> None:
         self.period_ns = period_ns
         self._arm, self._config, self._new_epoch = arm, access, new_epoch
-        self.mover = Mover(arm, period_ns * 1e-9)
+        self.mover = Mover(arm, period_ns * 1e-9, stopwatch)
+        self._meter = Meter(stopwatch)
+        self._outlined: tuple[Leg, ...] | None = None  # the motions whose way was told
+        self._late_ticks = 0
         self._planner = PathPlanner(executor, period_ns * 1e-9)
         self._hop = LastHop()
         self._output = Output()
@@ -136,18 +155,25 @@ class Controller:
         self._planner.await_plan(seconds)
 
     def poll(self) -> None:
-        """Between ticks: plans that are ready are answered, so that a paused world answers too."""
+        """Between ticks: plans that are ready are answered, so that a paused world answers too; and what may wait until
+        the command is on its way."""
         if self._tick is not None:
             self._collect(self._time(self._tick), tick=False, lockstep=False)
+            self._tell_path()
 
     def tick(self, state: ArmState, lockstep: bool) -> ArmCommand:
         """One control period. ``lockstep``: whoever measures waits for the answer, so plans are waited for here."""
+        with self._meter.measure():
+            return self._answer(state, lockstep)
+
+    def _answer(self, state: ArmState, lockstep: bool) -> ArmCommand:
         now, self._lockstep = state.stamp, lockstep
         if self._tick is None:
             self._origin = now
             self.mover.begin_at(state, 0.0)
         elif now - self._tick > 1.5 * self.period_ns:
             self._codes.add((CrfCode.RealTimeViolation,))
+            self._late_ticks += 1
         self._now = max(self._now, now)
         self._tick = now
         t = self._time(now)
@@ -156,12 +182,13 @@ class Controller:
         if self._guard.expired(now):
             self.mover.silence()
         self._collect(t, tick=True, lockstep=lockstep)
+        commanded = self.mover.q
         mode, values = self.mover.tick(t, state)
         self._codes.add(self.mover.codes)
         self._heed(self.mover.codes)
         self._plan()
         self._report_rest(state)
-        self._tell_status()
+        self._tell_status(state, commanded)
         token = self.access.token
         self._hop.raise_to(token)
         if not self._hop.admit(token, now):
@@ -212,7 +239,7 @@ class Controller:
             self._reported = self._serial
             self._follow(self._dispatcher.at_rest(self._serial, self._now))
 
-    def _tell_status(self) -> None:
+    def _tell_status(self, state: ArmState, commanded: Array) -> None:
         status = self._status()
         due = self._dispatcher.due(status, self._now)
         self._output.streams.extend((session, text.decode()) for session, text in due)
@@ -220,6 +247,15 @@ class Controller:
         if slot != self._status_slot:
             self._status_slot = slot
             self._output.status = status
+            tick_us = self._meter.read_us()
+            self._output.diagnostics = diagnostics(self.mover, state, commanded, tick_us, self._late_ticks)
+
+    def _tell_path(self) -> None:
+        legs = self.mover.queue.legs
+        if legs is not self._outlined:
+            self._outlined = legs
+            points, ends = outline(self.mover.queue, self.mover.time, self.mover.kinematics)
+            self._output.path = MotionPath(stamp=self._now, points=points, ends=ends)
 
     def _status(self) -> MotionStatus:
         running = self.mover.running or (self._planner.busy and self._tick is not None)

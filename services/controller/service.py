@@ -34,6 +34,8 @@ class ControllerService:
         self._status = bus.publisher(topics.MOTION_STATUS, robot)
         self._events = bus.publisher(topics.MOTION_EVENT, robot)
         self._streams = bus.publisher(topics.MOTION_STREAM, robot)
+        self._diagnostics = bus.publisher(topics.MOTION_DIAGNOSTICS, robot)
+        self._path = bus.publisher(topics.MOTION_PATH, robot)
         self._inbox = self._subscribe()
 
     def _subscribe(self) -> Inbox:
@@ -144,6 +146,10 @@ class ControllerService:
             self._streams.put(MotionStream(session=session, text=text))
         if output.status is not None:
             self._status.put(output.status)
+        if output.diagnostics is not None:
+            self._diagnostics.put(output.diagnostics)
+        if output.path is not None:
+            self._path.put(output.path)
         for error in output.errors:
             log.error("planning failed", exc_info=error)
 

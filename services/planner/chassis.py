@@ -134,6 +134,8 @@ class Chassis:
         may_jack = self._commanded == STANDSTILL and self._measured_at_rest() and not self._modes.emergency_stop
         jack = self._jack.command(self._sensed.jack, stamp, may_jack)
         self._report()
+        if self._reports.is_costmap_due(stamp):
+            self._reports.costmap(stamp, self._navigator.costmap(stamp))
         return ChassisCommand(answers=stamp, twist=self._commanded, jack=jack)
 
     def fail_internally(self, error: Exception) -> ChassisCommand:

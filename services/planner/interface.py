@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.base import Pose2, Twist2
-from schemas.chassis import Scan
+from schemas.chassis import Costmap, Scan
 from schemas.fail_reasons import MoveFailReason
 from schemas.maps import MapData
 from schemas.moves import StuckState
@@ -93,3 +93,6 @@ class Navigator(Protocol):
 
     def stop(self) -> None:
         """Forget the goal."""
+
+    def costmap(self, stamp: int) -> Costmap | None:
+        """What it steers by around the chassis; None without a map."""

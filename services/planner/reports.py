@@ -9,13 +9,14 @@ import numpy as np
 
 from schemas import topics
 from schemas.base import NANOSECONDS, Message
-from schemas.chassis import ChassisStatus
+from schemas.chassis import ChassisStatus, Costmap
 from schemas.maps import CurrentMap, MapData
 from schemas.moves import MoveEvent, PlannedPath, PlanningState
 from schemas.topics import Topic
 from services.planner.interface import Progress
 
 PERIOD_NS = NANOSECONDS // 5
+COSTMAP_PERIOD_NS = NANOSECONDS
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Reports:
         self._status: ChassisStatus | None = None
         self._path = np.empty((0, 3))
         self._path_known, self._path_stamp = False, 0
+        self._costmap_stamp: int | None = None
 
     def take(self) -> list[Publication]:
         """All that is due now, in order; each once."""
@@ -67,6 +69,15 @@ class Reports:
         if urgent or _another_period(self._path_stamp, stamp):
             self._path, self._path_stamp, self._path_known = poses.copy(), stamp, True
             self._put(topics.PATH, PlannedPath(stamp=stamp, poses=poses))
+
+    def is_costmap_due(self, stamp: int) -> bool:
+        last = self._costmap_stamp
+        return last is None or last // COSTMAP_PERIOD_NS != stamp // COSTMAP_PERIOD_NS
+
+    def costmap(self, stamp: int, costmap: Costmap | None) -> None:
+        self._costmap_stamp = stamp
+        if costmap is not None:
+            self._put(topics.COSTMAP, costmap)
 
     def status(self, status: ChassisStatus) -> None:
         if self._status is None or _without(self._status) != _without(status):

@@ -22,7 +22,7 @@ log = get_logger(__name__)
 
 SIMULATOR = ServiceId("sim", WORLD)
 HEARD = (topics.ODOMETRY, topics.SCAN, topics.POSE, topics.JACK, topics.BATTERY, topics.CONTACTS, topics.CHASSIS_MODEL)
-TOLD = (topics.PLANNING_STATE, topics.PATH, topics.MOVE_EVENT, topics.MAP, topics.CHASSIS_STATUS)
+TOLD = (topics.PLANNING_STATE, topics.PATH, topics.MOVE_EVENT, topics.MAP, topics.CHASSIS_STATUS, topics.COSTMAP)
 ANSWERED = (topics.MOVES, topics.MAPS, topics.CHASSIS_REQUEST)
 READ_AHEAD = 64  # events taken in before a tick, so that it answers the newest odometry and yet is not put off for ever
 

@@ -27,6 +27,7 @@ ROBOT_TOPICS = (
     topics.ODOMETRY,
     topics.CHASSIS_MODEL,
 )
+ARM_TOPICS = (topics.ARM_STATE, topics.ARM_MODEL)
 WORLD_TOPICS = (topics.OBJECTS, topics.SCENE, topics.CLOCK)
 COMMAND_DEPTH = 64
 READ_AHEAD = 64  # events taken in between two steps at most, so that a flood of them does not stop time
@@ -42,7 +43,7 @@ class SimService:
         }
         self._inbox = bus.inbox()
         for arm in session.simulation.arms:
-            self._publishers[topics.ARM_STATE, arm] = bus.publisher(topics.ARM_STATE, arm)
+            self._publishers |= {(topic, arm): bus.publisher(topic, arm) for topic in ARM_TOPICS}
             self._inbox.subscribe(topics.ARM_COMMAND, arm, depth=COMMAND_DEPTH)
         for robot in session.simulation.robots:
             self._publishers |= {(topic, robot): bus.publisher(topic, robot) for topic in ROBOT_TOPICS}
@@ -148,6 +149,8 @@ class SimService:
     def _tell_models(self) -> None:
         for name, robot in self._session.simulation.robots.items():
             self._tell(topics.CHASSIS_MODEL, name, robot.chassis_model())
+        for name in self._session.simulation.arms:
+            self._tell(topics.ARM_MODEL, name, self._session.simulation.arm_model(name))
 
     def _tell_things(self) -> None:
         self._tell(topics.SCENE, WORLD, self._session.simulation.scene())

@@ -14,7 +14,7 @@ import numpy as np
 from schemas import topics
 from schemas.base import Pose2
 from schemas.chassis import ChassisCommand, LocalisedPose, Odometry, Scan
-from schemas.motion import ArmCommand, ArmState
+from schemas.motion import ArmCommand, ArmModel, ArmState
 from schemas.service import WORLD
 from schemas.topics import Topic
 from schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, Place, Scene
@@ -177,6 +177,15 @@ class Simulation:
             faults.add(fault.fault)
         else:
             faults.discard(fault.fault)
+
+    def arm_model(self, name: str) -> ArmModel:
+        """Which arm it is, and where its base frame is."""
+        base = self.data.body(f"{name}/{self.arms[name].kind.base}")
+        return ArmModel(
+            kind=self.world.arms[name].kind,
+            position=tuple(base.xpos.tolist()),
+            orientation=tuple(base.xquat.tolist()),
+        )
 
     def scene(self) -> Scene:
         """The geometry of all that is there now."""

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from schemas.motion import ArmCommand, ArmState, MotionEvent, MotionStatus
+from schemas.motion import ArmCommand, ArmState, MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
 from services.controller import ik
 from services.controller.access_types import AccessConfig, AuditEntry
 from services.controller.controller import Controller
+from services.controller.motion.meter import Stopwatch, no_stopwatch
 from services.controller.trajectory.model import Array
 from services.controller.warm_up import Inline
 
@@ -23,10 +24,19 @@ INERTIA = 1.0  # kg m², of every joint
 class PerfectArm:
     """Requests go in as dictionaries, answers come out as such; ``advance`` lets simulation time pass."""
 
-    def __init__(self, arm: ik.Arm = UR5E, executor: Any = None, lockstep: bool = True, **access: Any) -> None:
+    def __init__(
+        self,
+        arm: ik.Arm = UR5E,
+        executor: Any = None,
+        lockstep: bool = True,
+        stopwatch: Stopwatch = no_stopwatch,
+        **access: Any,
+    ) -> None:
         self.arm = arm
         self.epochs = 0
-        self.controller = Controller(arm, PERIOD_NS, executor or Inline(), self._epoch, AccessConfig(**access))
+        self.controller = Controller(
+            arm, PERIOD_NS, executor or Inline(), self._epoch, AccessConfig(**access), stopwatch
+        )
         self.lockstep = lockstep
         self.stamp = 0
         self.q, self.dq = arm.home.copy(), np.zeros(arm.n)
@@ -36,6 +46,8 @@ class PerfectArm:
         self.streams: list[tuple[str, dict[str, Any]]] = []
         self.errors: list[BaseException] = []
         self.status: MotionStatus | None = None
+        self.diagnostics: MotionDiagnostics | None = None
+        self.paths: list[MotionPath] = []
         self.history: list[tuple[int, Array, Array]] = []
         self.command: ArmCommand | None = None
         self._tickets = 0
@@ -115,6 +127,8 @@ class PerfectArm:
         self.streams += [(session, json.loads(text)) for session, text in output.streams]
         self.errors += output.errors
         self.status = output.status or self.status
+        self.diagnostics = output.diagnostics or self.diagnostics
+        self.paths += [output.path] if output.path is not None else []
 
     # -- what was seen ------------------------------------------------------------------------------------------------
 

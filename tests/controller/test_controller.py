@@ -491,3 +491,51 @@ def test_the_same_commands_give_the_same_motion() -> None:
         return cell.driven()[0]
 
     assert np.array_equal(run(), run())
+
+
+def test_the_way_of_the_tool_is_told_when_it_changes() -> None:
+    cell = PerfectArm()
+    cell.controller.poll()
+    cell.advance(0.1)
+    assert [len(path.points) for path in cell.paths] == [0]
+    goal = UR5E.home + 0.3
+    cell.ok("a", command="appendPath", type="joints", data=[goal.tolist()])
+    cell.advance(0.1)
+    cell.controller.poll()
+    cell.advance(0.1)
+    assert len(cell.paths) == 2
+    assert np.allclose(cell.paths[1].points[-1], cell.tool(goal)[:, 3], atol=1e-5)
+    cell.until_rest()
+    cell.controller.poll()
+    cell.advance(0.1)
+    assert [len(path.points) for path in cell.paths[2:]] == [0]
+
+
+def test_diagnostics_tell_how_far_the_arm_is_from_where_it_was_asked_to_be() -> None:
+    cell = PerfectArm()
+    cell.advance(0.1)
+    assert cell.diagnostics is not None
+    assert np.abs(cell.diagnostics.joint_errors).max() < 1e-12 and cell.diagnostics.linear_error < 1e-12
+    cell.q[0] += 0.01
+    cell.stamp += PERIOD_NS  # a tick is skipped
+    for _ in range(12):
+        cell.stamp += PERIOD_NS
+        cell.tick()
+    told = cell.diagnostics
+    assert np.allclose(told.joint_errors, [0.01, 0, 0, 0, 0, 0])
+    reach = np.hypot(*cell.tool(UR5E.home)[:2, 3])
+    assert told.linear_error == pytest.approx(2 * reach * np.sin(0.005), rel=1e-6)
+    assert told.angular_error == pytest.approx(0.01, rel=1e-6)
+    assert told.late_ticks == 1
+    assert (told.tick_us, told.solver_us) == (0.0, 0.0), "nobody measures"
+
+
+def test_diagnostics_count_what_the_solver_does_and_how_long_it_takes() -> None:
+    cell = PerfectArm(stopwatch=iter(range(0, 10**9, 1000)).__next__)
+    cell.ok("a", command="setVelocity", type="task", data=[0.05, 0, 0, 0, 0, 0], reference=1)
+    cell.advance(0.08)
+    assert cell.diagnostics is not None
+    assert cell.diagnostics.solver_iterations == 1
+    assert (cell.diagnostics.solver_us, cell.diagnostics.tick_us) == (1.0, 3.0), (
+        "the solver's two looks are in the tick"
+    )

@@ -18,6 +18,7 @@ from schemas.chassis import (
     ChassisModel,
     ChassisRequest,
     Contacts,
+    Costmap,
     Done,
     Jack,
     LocalisedPose,
@@ -81,6 +82,13 @@ class ScriptedNavigator:
         if self.observing is not None:
             raise self.observing
         self.observed += 1
+
+    def costmap(self, stamp: int) -> Costmap | None:
+        return (
+            None
+            if self.map is None
+            else Costmap(stamp=stamp, origin=(0.0, 0.0), resolution=0.05, columns=2, cost=np.zeros(4, np.uint8))
+        )
 
     def brake(self, seen: Observation) -> Twist2:
         slower = max(0.0, abs(seen.twist.linear) - 0.08)

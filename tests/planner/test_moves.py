@@ -333,3 +333,12 @@ def test_the_first_state_is_told_before_anything_is_asked(cell: Cell) -> None:
     assert cell.heard(topics.PLANNING_STATE)[0].move_state == "none"
     assert cell.heard(topics.MAP)[0].map.map_name == "hall"
     assert cell.heard(topics.CHASSIS_STATUS)[0].control_mode == "auto"
+
+
+def test_what_the_planner_steers_by_is_told_once_a_second(cell: Cell) -> None:
+    cell.tick(60)
+    stamps = [costmap.stamp for costmap in cell.heard(topics.COSTMAP)]
+    assert [stamp // 1_000_000_000 for stamp in stamps] == [0, 1, 2]
+    cell.ask_maps(SelectMap())
+    cell.tick(60)
+    assert len(cell.heard(topics.COSTMAP)) == 3, "without a map there is nothing to steer by"

@@ -406,3 +406,11 @@ def test_the_gripper_lifts_what_it_sucks_and_lets_go() -> None:
     control(simulation, 0.5, "velocity", lambda _: np.zeros(n))
     assert crate.xpos[2] < 0.02
     assert simulation.ledger.count == 0
+
+
+def test_the_base_is_told_where_it_stands() -> None:
+    simulation = make_simulation(arm_world(pose=[0.3, -0.2, 0.7], mount=0.5))
+    model = simulation.arm_model("arm1")
+    assert model.kind == "ur5e"
+    assert np.allclose(model.position, [0.3, -0.2, 0.5])
+    assert np.allclose(model.orientation, [np.cos(0.35), 0, 0, np.sin(0.35)])

@@ -18,7 +18,7 @@ from numba import njit
 # Entries of the vector of tuning.
 DT, WEIGHTS, DAMPING, LM_DAMPING, SINGULAR_DAMPING, SINGULAR_AT, TUNING = 0, 1, 7, 8, 9, 10, 11
 # Entries of what a tick reports.
-SCALE, MEASURE, ERROR_LINEAR, ERROR_ANGULAR, SOLVER, REPORT = 0, 1, 2, 3, 4, 5
+SCALE, MEASURE, ERROR_LINEAR, ERROR_ANGULAR, SOLVER, ITERATIONS, REPORT = 0, 1, 2, 3, 4, 5, 6
 NONE, CHOLESKY, BOX, ROWS = 0, 1, 2, 3
 SETTLING = 10.0  # [1/s] how fast the arm draws near a posture that only is the nearest: it moves as the target does
 LOOKS = 12  # steps of `look_ahead`
@@ -383,7 +383,7 @@ def tick(placements, limits, tuning, wish, q, v, target, twist, goal, frames, h,
             change = limits[3, i] * tuning[DT]
             out[i] = min(max(0.0, v[i] - change), v[i] + change) if math.isfinite(v[i]) else 0.0
         report[:] = np.nan
-        report[SOLVER] = NONE
+        report[SOLVER], report[ITERATIONS] = NONE, 0
         return
     n = q.shape[0]
     dt, weights = tuning[DT], tuning[WEIGHTS : WEIGHTS + 6]
@@ -427,17 +427,18 @@ def tick(placements, limits, tuning, wish, q, v, target, twist, goal, frames, h,
         change = min(max(flow[i], lower[i]), upper[i]) - v[i]
         part = min(part, limits[3, i] * dt / max(abs(change), 1e-12))
     acceleration_box(limits, v, dt, lower, upper)
-    solver = CHOLESKY
+    solver, iterations = CHOLESKY, 1
     for i in range(n):
         out[i] = v[i] + part * (flow[i] - v[i])
         if out[i] < lower[i] - 1e-12 or out[i] > upper[i] + 1e-12:
             solver = BOX
     c[:] = h @ out
     if solver == BOX:
-        solve_box(h, c, lower, upper, out)
+        iterations = abs(solve_box(h, c, lower, upper, out))
     for i in range(n):
         out[i] = min(max(out[i], lower[i]), upper[i])
     report[SCALE], report[MEASURE], report[SOLVER] = slow * scale * part, measure, solver
+    report[ITERATIONS] = iterations
     report[ERROR_LINEAR], report[ERROR_ANGULAR] = lengths(error)
 
 

@@ -37,6 +37,7 @@ class RowSolver:
         # The documented update and solve cost 45 us a call in Python alone; the object beneath them takes the same
         # arrays.
         self._low = self._solver._solver
+        self.iterations = 0  # of the last solution
 
     def solve(
         self, h: Array, c: Array, lower: Array, upper: Array, rows: Array, bounds: Array, safe: Array
@@ -56,6 +57,7 @@ class RowSolver:
         if not ok:
             return safe, False
         self._low.solve()
+        self.iterations = int(self._low.info.iter)
         x, y = np.array(self._low.solution.x), np.array(self._low.solution.y)
         if not np.all(np.isfinite(x)):
             return safe, False

@@ -67,6 +67,7 @@ class Step(NamedTuple):
     linear_error: float  # [m] between tool and target now
     angular_error: float  # [rad]
     solver: Solver
+    iterations: int  # of that solver: factorisations, or OSQP's iterations
 
 
 class DifferentialIk:
@@ -129,18 +130,19 @@ class DifferentialIk:
             self.arm.placements, self._limits, self._tuning, wish, q, v, target, twist, self._goal,
             self._frames, self._h, self._box, out, report,
         )  # fmt: skip
-        scale, measure, linear, angular, solver = report.tolist()
+        scale, measure, linear, angular, solver, iterations = report.tolist()
         flags = 0
         if solver == k.NONE:
             flags = _HELD
         elif self._row_solver is not None:
             solver, flags = self._hold_rows(self._row_solver, q, solver)
+            iterations = self._row_solver.iterations if solver == k.ROWS else iterations
         settings = self.settings
         if measure < settings.low_manipulability:
             flags |= _SINGULAR
         if linear > settings.linear_tolerance or angular > settings.angular_tolerance:
             flags |= _OFF_TARGET
-        return Step(out.copy(), _CODES[flags], scale, measure, linear, angular, _SOLVERS[int(solver)])
+        return Step(out.copy(), _CODES[flags], scale, measure, linear, angular, _SOLVERS[int(solver)], int(iterations))
 
     def _hold_rows(self, row_solver: RowSolver, q: Array, solver: float) -> tuple[float, int]:
         """Replace the velocity in `_out` where it breaks a row; which solver it then is from, and the flags raised."""

@@ -19,6 +19,7 @@ from schemas.motion import ArmState
 from services.controller import ik
 from services.controller.ik import kernels
 from services.controller.motion.kinematics import ArmKinematics
+from services.controller.motion.meter import Meter, Stopwatch, no_stopwatch
 from services.controller.motion.parameters import Tuning
 from services.controller.motion.profile import Profile, hardware_limits, path_arm
 from services.controller.motion.ramp import Ramp
@@ -52,10 +53,11 @@ class Reference:
 class Mover:
     """One arm's motion. See the module."""
 
-    def __init__(self, arm: ik.Arm, period: float) -> None:
+    def __init__(self, arm: ik.Arm, period: float, stopwatch: Stopwatch = no_stopwatch) -> None:
         self.arm, self.period = arm, period
         self.kinematics = ArmKinematics(arm)
         self.solver = ik.DifferentialIk(arm, period)
+        self.solver_meter, self.solver_iterations = Meter(stopwatch), 0  # the most since they were last read
         self.tuning = Tuning(self.solver)
         self.profile = Profile.default(arm)
         self.queue = MotionQueue(path_arm(arm, self.profile), arm.home)
@@ -232,7 +234,7 @@ class Mover:
             return
         pose, twist = sample.task.pose, sample.task.twist + 0.5 * self.period * sample.task.accel
         target = np.column_stack([pose.rotation, pose.translation])
-        self._moved(self.solver.step(self.q, self.v, target, twist), codes)
+        self._solve(target, twist, codes)
 
     def _velocity(self, active: Reference, codes: set[CrfCode]) -> None:
         over = not active.values.any()
@@ -246,7 +248,7 @@ class Mover:
             acceleration = self.profile.task_acceleration
             wish = self._ramp.step(active.values, acceleration, acceleration / _TASK_JERK_TIME, self.period)
             wish = self._leashed(wish)
-            self._moved(self.solver.step(self.q, self.v, self._target, wish), codes)
+            self._solve(self._target, wish, codes)
             self._target = _advanced(self._target, wish * self.period)
         if over and np.abs(wish).max() <= AT_REST:
             self.time += self.period
@@ -262,7 +264,10 @@ class Mover:
             return twist
         return np.asarray(twist * max(0.0, 1.0 - float(np.linalg.norm(behind))))
 
-    def _moved(self, step: ik.Step, codes: set[CrfCode]) -> None:
+    def _solve(self, target: Array, twist: Array, codes: set[CrfCode]) -> None:
+        with self.solver_meter.measure():
+            step = self.solver.step(self.q, self.v, target, twist)
+        self.solver_iterations = max(self.solver_iterations, step.iterations)
         codes.update(step.codes)
         self._integrate(step.velocity)
 

@@ -37,10 +37,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.base import NANOSECONDS, Twist2
+from schemas.chassis import Costmap
 from schemas.fail_reasons import MoveFailReason
 from schemas.maps import MapData
 from services.planner.interface import STANDSTILL, Goal, MoveFailed, Observation, Progress
 from services.planner.navigation import driving, profile, safety
+from services.planner.navigation.costmap import cost_bytes
 from services.planner.navigation.estimator import PoseFilter
 from services.planner.navigation.footprint import Footprint
 from services.planner.navigation.goals import check_goal, check_start, is_there
@@ -172,6 +174,17 @@ class ChassisNavigator:
     def stop(self) -> None:
         """Forget the goal."""
         self._run = None
+
+    def costmap(self, stamp: int) -> Costmap | None:
+        """Map and what is observed on it, within reach of the chassis, at the cost of the global plan."""
+        if self._around is None:
+            return None
+        room = self._around.near
+        cost = cost_bytes(room, self._footprint.inscribed, self.settings.comfort_clearance)
+        g = room.geometry
+        return Costmap(
+            stamp=stamp, origin=(g.x, g.y), resolution=g.resolution, columns=g.columns, cost=cost.reshape(-1)
+        )
 
     # ---- steps of a tick ------------------------------------------------------------------------------------------
 
