@@ -50,19 +50,23 @@ def encode(packet: Packet) -> bytes:
 class Decoder:
     """Takes bytes in pieces of any size and gives the packets they complete.
 
-    What is no packet is skipped, and counted in ``skipped``: after a header whose checksum or length cannot be right
-    the search goes on with the byte behind its first ``~``, so that a packet hidden in garbage is still found.
+    What is no packet is skipped, and counted in ``skipped``: after a header whose checksum is wrong the search goes on
+    with the byte behind its first ``~``, so that a packet hidden in garbage is still found. A right header of more than
+    ``max_payload`` bytes ends the reading: its length is in ``too_large``, and nothing is taken from then on.
     """
 
     def __init__(self, max_payload: int = MAX_PAYLOAD) -> None:
         self.skipped = 0
+        self.too_large = 0
         self._max_payload = max_payload
         self._buffer = bytearray()
         self._wanted = 0
 
     def feed(self, data: bytes) -> list[Packet]:
-        self._buffer += data
         packets: list[Packet] = []
+        if self.too_large:
+            return packets
+        self._buffer += data
         # While a large payload trickles in there is nothing to look at before the last of it.
         if len(self._buffer) < self._wanted:
             return packets
@@ -89,9 +93,13 @@ class Decoder:
             self._wanted = head_end - start
             return None
         type_, length, timestamp, writer, check = _HEADER.unpack_from(buffer, start + len(SYNC))
-        if check != checksum(type_, length, timestamp, writer) or length > self._max_payload:
+        if check != checksum(type_, length, timestamp, writer):
             self.skipped += start + 1 - position
             return None, start + 1
+        if length > self._max_payload:
+            self.too_large = length
+            self._drop(len(buffer), start - position)
+            return None
         if len(buffer) < head_end + length:
             self._drop(start, start - position)
             self._wanted = head_end + length - start

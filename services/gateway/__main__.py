@@ -15,6 +15,7 @@ EPILOG = """Examples:\n
   python -m services.gateway\n
   python -m services.gateway --robot amr2 --port 8091\n
   python -m services.gateway --host 0.0.0.0 --expect amr1/planner --expect world/sim\n
+  python -m services.gateway --arm arm1 --crf-port arm1=5000\n
 Everything else is set in the environment, as in RACKHAND_GATEWAY_SECRET=… or RACKHAND_GATEWAY_SERVICE_STATUS=201.
 """
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -27,6 +28,12 @@ def main(
     port: Annotated[int | None, typer.Option(help="TCP port to listen on (8090).")] = None,
     arm: Annotated[
         list[str] | None, typer.Option(help="An arm to serve under /motion/ARM; may be given several times.")
+    ] = None,
+    crf_port: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="ARM=PORT: a port for CRF's own packet framing on TCP (0: any free one); may be given several times."
+        ),
     ] = None,
     expect: Annotated[
         list[str] | None,
@@ -42,6 +49,7 @@ def main(
         "host": host,
         "port": port,
         "arms": tuple(arm) if arm else None,
+        "crf_ports": dict(map(_parse_port, crf_port)) if crf_port else None,
         "expect": tuple(expect) if expect else None,
     }
     try:
@@ -53,6 +61,14 @@ def main(
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--expect") from None
     run(settings)
+
+
+def _parse_port(text: str) -> tuple[str, int]:
+    """``arm1=5000``. Raises ``typer.BadParameter``."""
+    arm, equals, port = text.partition("=")
+    if not (arm and equals and port.isascii() and port.isdecimal()):
+        raise typer.BadParameter(f"{text!r}: want ARM=PORT, as in arm1=5000", param_hint="--crf-port")
+    return arm, int(port)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from schemas.base import Message
 from schemas.crf import CrfCode
 
 MAX_TEXT = 2 * 1024 * 1024  # bytes; the controller takes no more either
+MAX_FRAME = 2 * MAX_TEXT  # a longer one ends its connection; up to here it is read, and answered that it is too long
 NOT_JSON = "Not valid json format"
 STOPS = frozenset({"softStop", "hardStop"})
 _UNREADABLE = (ValueError, RecursionError, msgspec.MsgspecError)

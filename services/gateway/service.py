@@ -8,6 +8,7 @@ import signal
 import socket
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import uvicorn
 import uvloop
@@ -20,6 +21,9 @@ from schemas.service import CELL, ServiceId
 from services.gateway import motion_hub
 from services.gateway.app import create_app
 from services.gateway.broadcast import Hub
+from services.gateway.context import Context
+from services.gateway.crf_tcp import CrfPort
+from services.gateway.crf_text import MAX_FRAME
 from services.gateway.motion_hub import MotionHub
 from services.gateway.settings import Settings
 from services.gateway.state import HEARD, State
@@ -47,7 +51,7 @@ class Server(uvicorn.Server):
 
 
 def run(settings: Settings) -> None:
-    """Serve until a signal. Raises ``SystemExit`` where the port is taken."""
+    """Serve until a signal. Raises ``SystemExit`` where a port is taken."""
     configure_logging("gateway")
     with (
         Bus(ServiceId("gateway", CELL)) as bus,
@@ -77,6 +81,7 @@ async def _serve(settings: Settings, bus: Bus, inbox: Inbox) -> None:
     server = Server(server_config(app, settings), listening)
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, setattr, server, "should_exit", True)
+    crf = await _open_crf_ports(app.state.context)
     hub: Hub = app.state.context.hub
     hearing = asyncio.create_task(_hear(inbox, hub, motion))
     # Deaf, the gateway would show stale things as present: it ends, and is started anew.
@@ -84,9 +89,26 @@ async def _serve(settings: Settings, bus: Bus, inbox: Inbox) -> None:
     try:
         await server.serve()
     finally:
+        for port in crf:
+            await port.close()
         inbox.stop()
         await hearing
         hub.close()
+
+
+async def _open_crf_ports(context: Context) -> list[CrfPort]:
+    opened: list[CrfPort] = []
+    for arm, number in context.settings.crf_ports.items():
+        port = CrfPort(arm, context.motion, partial(context.ask_arm, arm=arm))
+        host = context.settings.host
+        try:
+            number = await port.start(host, number)
+        except OSError as error:
+            log.error("the CRF port cannot be opened", arm=arm, host=host, port=number, error=str(error))
+            raise SystemExit(1) from None
+        log.info("CRF clients may connect", arm=arm, host=host, port=number)
+        opened.append(port)
+    return opened
 
 
 async def _hear(inbox: Inbox, hub: Hub, motion: MotionHub) -> None:
@@ -108,7 +130,7 @@ def server_config(app: object, settings: Settings) -> uvicorn.Config:
         access_log=False,
         log_level="warning",
         ws="websockets-sansio",
-        ws_max_size=4 * 1024 * 1024,
+        ws_max_size=MAX_FRAME,
         ws_per_message_deflate=False,
         timeout_graceful_shutdown=2,
         server_header=False,

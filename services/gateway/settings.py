@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -27,13 +27,16 @@ class Settings(BaseSettings):
     ``expect`` names the services (``robot/service``) without which the cell is not up. ``secret``, when set, is wanted
     in every request's ``Secret`` header. ``service_status`` is what a service that was executed answers: the
     documentation says 201, clients in the field test for 200. ``rates`` are the most frames a second of a WebSocket
-    topic; changes of state are never held back.
+    topic; changes of state are never held back. ``crf_ports`` are the arms that also listen to CRF's packet framing.
     """
 
     model_config = SettingsConfigDict(env_prefix="RACKHAND_GATEWAY_", frozen=True)
 
     robot: str = Field(default="", description="the chassis; amr1 where neither it nor an arm is named")
     arms: tuple[str, ...] = ()
+    crf_ports: dict[str, Annotated[int, Field(ge=0, le=65535)]] = Field(
+        default_factory=dict, description="TCP port of each such arm; 0 is any free one"
+    )
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8090
     expect: tuple[str, ...] = ()
@@ -56,6 +59,16 @@ class Settings(BaseSettings):
         if isinstance(given, dict) and not given.get("robot") and not given.get("arms"):
             return {**given, "robot": "amr1"}
         return given
+
+    @model_validator(mode="after")
+    def _crf_ports_of_arms(self) -> Self:
+        if strangers := [arm for arm in self.crf_ports if arm not in self.arms]:
+            raise ValueError(
+                f"crf_ports: {', '.join(strangers)} is none of the arms ({', '.join(self.arms) or 'none'})"
+            )
+        if self.crf_ports and self.secret:
+            raise ValueError("crf_ports: CRF's framing carries no secret, so a gateway with one cannot offer it")
+        return self
 
     def interval(self, topic: str) -> float:
         """Least seconds of wall time between two frames of a WebSocket topic."""

@@ -19,6 +19,7 @@ from services.launch.processes import WORLD_FILE, Address, CellOptions, Process,
 from services.launch.supervisor import Supervisor
 
 CELL_FILE = "cell.json"
+MAX_PORT = 65535
 SLOW_START = 30.0  # seconds after which a cell that is not ready yet is told of
 
 
@@ -29,7 +30,7 @@ class CannotStart(Exception):
 def run_cell(options: CellOptions) -> int:
     """Run the cell until a signal ends it. Returns the exit code; raises ``CannotStart`` before anything is started."""
     check_world(options.world)
-    options = replace(options, http=_with_port(options.http), bus=_with_port(options.bus))
+    options = replace(options, http=_with_port(options.http), bus=_with_port(options.bus), crf=crf_addresses(options))
     processes = cell_processes(options, os.environ)
     check_ports(processes)
     with StateFolder(options.state_dir) as state:
@@ -53,20 +54,38 @@ def check_world(name: str) -> None:
         raise CannotStart(str(error)) from None
 
 
+def crf_addresses(options: CellOptions) -> dict[str, Address]:
+    """Where each arm's CRF clients connect. Raises ``CannotStart`` where there is no arm, or no such port."""
+    first = options.crf_port
+    if first is None:
+        return {}
+    arms = read_cast(world_folder(options.world)).arms
+    if not arms:
+        raise CannotStart(f"--crf-port: there is no arm in world {options.world!r}")
+    if first + len(arms) - 1 > MAX_PORT:
+        raise CannotStart(f"--crf-port: {len(arms)} arms from {first} on, ports end at {MAX_PORT}")
+    numbers = [first + i if first else 0 for i in range(len(arms))]
+    return {arm: _with_port(Address(options.http.host, n)) for arm, n in zip(arms, numbers, strict=True)}
+
+
 def check_ports(processes: Sequence[Process]) -> None:
     """Raises ``CannotStart`` if anything already listens where one of these wants to."""
     for process in processes:
-        if process.listens is None:
-            continue
-        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((process.listens.host, process.listens.port))
-            except OSError as error:
-                raise CannotStart(
-                    f"{process.name} cannot listen on {process.listens}: {error.strerror}. "
-                    f"Does another cell run? Choose another port with {process.option}."
-                ) from None
+        own = ((process.listens, process.option),) if process.listens else ()
+        for address, option in (*own, *process.ports):
+            _check_port(process.name, address, option)
+
+
+def _check_port(name: str, address: Address, option: str) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((address.host, address.port))
+        except OSError as error:
+            raise CannotStart(
+                f"{name} cannot listen on {address}: {error.strerror}. "
+                f"Does another cell run? Choose another port with {option}."
+            ) from None
 
 
 class StateFolder:
@@ -97,7 +116,8 @@ class StateFolder:
 
     def tell(self, options: CellOptions, pids: dict[str, int]) -> None:
         """Written whole or not at all: a reader never sees half of it."""
-        facts = {"http": options.http.url, "bus": options.bus.endpoint, "pids": pids}
+        crf = {arm: str(address) for arm, address in options.crf.items()}
+        facts = {"http": options.http.url, "bus": options.bus.endpoint, **({"crf": crf} if crf else {}), "pids": pids}
         fresh = self._path / f"{CELL_FILE}.new"
         fresh.write_text(json.dumps(facts, indent=2) + "\n")
         fresh.replace(self._path / CELL_FILE)
@@ -133,6 +153,7 @@ def _places(options: CellOptions) -> tuple[tuple[str, str], ...]:
         ("API docs", f"{url}/docs"),
         ("health", f"{url}/healthz"),
         ("WebSocket", f"{url.replace('http', 'ws', 1)}/ws/v2/topics"),
+        *((f"CRF {arm}", str(address)) for arm, address in options.crf.items()),
         ("bus", options.bus.endpoint),
         ("state", str(options.state_dir)),
     )

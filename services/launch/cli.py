@@ -57,6 +57,7 @@ def _speed(text: str) -> float | None:
     epilog=_examples(
         "rackhand up --world empty --speed max",
         "rackhand up --lockstep --seed 7",
+        "rackhand up --world pick_station --crf-port 5000",
         "rackhand up --robot-profile jackal --port 8091 --bus-port 7448 --state-dir var/second",
     )
 )
@@ -76,6 +77,15 @@ def up(
     bus_port: Annotated[int, typer.Option(min=0, max=65535, help="port of the bus' router; 0 is any free one")] = (
         DEFAULTS.bus.port
     ),
+    crf_port: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="also offer CRF's packet framing on TCP: the first arm here, the next ones on the next ports; "
+            "0 is any free one. Off if not given",
+        ),
+    ] = DEFAULTS.crf_port,
     robot_profile: Annotated[
         str | None, typer.Option(help="chassis of amr1, as in longjack or jackal; the world's own if not given")
     ] = DEFAULTS.profile,
@@ -89,6 +99,7 @@ def up(
         seed=seed,
         http=Address(host, port),
         bus=Address(DEFAULTS.bus.host, bus_port),
+        crf_port=crf_port,
         profile=robot_profile,
         state_dir=state_dir,
     )

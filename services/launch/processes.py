@@ -41,7 +41,8 @@ class Process:
     """One operating-system process of the cell.
 
     It is started as soon as every process it ``needs`` runs and accepts connections where it ``listens``. ``env`` is
-    laid over the supervisor's own environment; ``option`` is what a user changes when the address is taken.
+    laid over the supervisor's own environment; ``option`` is what a user changes when the address is taken. ``ports``
+    are further addresses it listens on, each with that option.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Process:
     needs: tuple[str, ...] = ()
     listens: Address | None = None
     option: str = ""
+    ports: tuple[tuple[Address, str], ...] = ()
     env: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -64,7 +66,8 @@ class Cast:
 class CellOptions:
     """What ``rackhand up`` can be told. ``speed`` None is as fast as possible; ``world`` is a name or a folder.
 
-    ``seed`` and ``profile`` are the world's own where None.
+    ``seed`` and ``profile`` are the world's own where None. ``crf_port`` is for CRF's packet framing to the first arm,
+    the next ports are for the next arms; where each arm listens in the end is in ``crf``.
     """
 
     world: str = "warehouse"
@@ -73,6 +76,8 @@ class CellOptions:
     seed: int | None = None
     http: Address = Address("127.0.0.1", 8090)
     bus: Address = Address("127.0.0.1", 7447)
+    crf_port: int | None = None
+    crf: Mapping[str, Address] = field(default_factory=dict)
     profile: str | None = None
     state_dir: Path = Path("var")
 
@@ -114,6 +119,7 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
             listens=options.http,
             option="--port",
             env=bus,
+            ports=tuple((address, "--crf-port") for address in options.crf.values()),
         ),
     )
 
@@ -190,6 +196,8 @@ def _gateway_arguments(options: CellOptions, cast: Cast) -> tuple[str, ...]:
         arguments += ["--robot", cast.chassis[0]]
     for arm in cast.arms:
         arguments += ["--arm", arm]
+    for arm, address in options.crf.items():
+        arguments += ["--crf-port", f"{arm}={address.port}"]
     for service in ("cell/router", "world/sim", *_participants(cast)):
         arguments += ["--expect", service]
     return tuple(arguments)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import cast
 
 import pytest
 
+from services.gateway.context import Context
+from services.gateway.settings import Settings
+from tests.gateway.fake_arm import ArmCell, FakeArm
 from tests.gateway.harness import Gateway, running_gateway
 
 
@@ -19,3 +23,12 @@ def server() -> Iterator[Gateway]:
 def gateway(server: Gateway) -> Gateway:
     server.begin_anew()
     return server
+
+
+@pytest.fixture
+def cell() -> Iterator[ArmCell]:
+    with running_gateway(Settings(arms=("arm1",))) as gateway:
+        arm = FakeArm()
+        context = cast(Context, gateway._context)
+        object.__setattr__(context, "bus", arm)
+        yield gateway, arm, context

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterator
-from typing import Any, cast
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 from websockets.exceptions import InvalidStatus
 
-from bus import BusError, Sample, Unavailable
+from bus import Sample, Unavailable
 from schemas import topics
-from schemas.motion import ControlInfo, CrfAnswer, CrfCall, MotionEvent, MotionStream
-from services.gateway.context import Context
-from services.gateway.settings import Settings
+from schemas.motion import ControlInfo, MotionEvent, MotionStream
 from services.launch.cli import app
-from tests.gateway.harness import Gateway, running_gateway
+from tests.gateway.fake_arm import ArmCell
 
 VECTORS: list[Any] = [
     {"command": "lockControl", "priority": 10, "id": 1},
@@ -31,38 +28,8 @@ VECTORS: list[Any] = [
 ]
 
 
-class FakeArm:
-    """Echoes each call's text; ``held`` holds commands back, stops never."""
-
-    def __init__(self) -> None:
-        self.failure: BusError | None = None
-        self.calls: list[tuple[str, str, str]] = []
-        self.held: asyncio.Event | None = None
-
-    async def acall(self, query: Any, request: CrfCall, robot: str, timeout: float) -> CrfAnswer:
-        assert robot == "arm1" and timeout > 0
-        if self.failure is not None:
-            raise self.failure
-        self.calls.append((query.name, request.session, request.text))
-        if self.held is not None and query is topics.MOTION:
-            await self.held.wait()
-        return CrfAnswer(text=json.dumps({"command": "reply", "replyCommand": "echo", "message": request.text}))
-
-
-@pytest.fixture
-def cell() -> Iterator[tuple[Gateway, FakeArm, Context]]:
-    with running_gateway(Settings(arms=("arm1",))) as gateway:
-        arm = FakeArm()
-        context = cast(Context, gateway._context)
-        object.__setattr__(context, "bus", arm)
-        yield gateway, arm, context
-
-
-Cell = tuple[Gateway, FakeArm, Context]
-
-
 @pytest.mark.parametrize("vector", VECTORS, ids=str)
-def test_http_and_websocket_carry_the_same(cell: Cell, vector: Any) -> None:
+def test_http_and_websocket_carry_the_same(cell: ArmCell, vector: Any) -> None:
     gateway, arm, _ = cell
     text = vector if isinstance(vector, str) else json.dumps(vector)
     by_http = gateway.http.post("/motion/arm1/command", content=text)
@@ -75,7 +42,7 @@ def test_http_and_websocket_carry_the_same(cell: Cell, vector: Any) -> None:
     assert len({call[1] for call in arm.calls}) == 2
 
 
-def test_what_is_no_text_has_the_protocols_answer(cell: Cell) -> None:
+def test_what_is_no_text_has_the_protocols_answer(cell: ArmCell) -> None:
     gateway, arm, _ = cell
     by_http = gateway.http.post("/motion/arm1/command", content=b"\xff{}").json()
     with gateway.websocket("/motion/arm1/ws") as client:
@@ -84,7 +51,7 @@ def test_what_is_no_text_has_the_protocols_answer(cell: Cell) -> None:
     assert arm.calls == []
 
 
-def test_an_unknown_arm_and_a_missing_chassis_are_404(cell: Cell) -> None:
+def test_an_unknown_arm_and_a_missing_chassis_are_404(cell: ArmCell) -> None:
     gateway, _, _ = cell
     for method, path in (("POST", "/motion/arm9/command"), ("GET", "/motion/arm9/status"), ("GET", "/chassis/status")):
         answer = gateway.http.request(method, path)
@@ -94,7 +61,7 @@ def test_an_unknown_arm_and_a_missing_chassis_are_404(cell: Cell) -> None:
     assert refused.value.response.status_code == 404
 
 
-def test_without_a_controller_it_is_503(cell: Cell) -> None:
+def test_without_a_controller_it_is_503(cell: ArmCell) -> None:
     gateway, arm, _ = cell
     arm.failure = Unavailable("nobody answers")
     assert gateway.http.post("/motion/arm1/command", json={"command": "getStatus"}).status_code == 503
@@ -104,7 +71,7 @@ def test_without_a_controller_it_is_503(cell: Cell) -> None:
         }  # fmt: skip
 
 
-def test_a_stop_overtakes_what_waits_and_what_waits_is_not_sent_after_it(cell: Cell) -> None:
+def test_a_stop_overtakes_what_waits_and_what_waits_is_not_sent_after_it(cell: ArmCell) -> None:
     gateway, arm, _ = cell
     arm.held = gateway.call(asyncio.Event)
     with gateway.websocket("/motion/arm1/ws") as client:
@@ -118,7 +85,7 @@ def test_a_stop_overtakes_what_waits_and_what_waits_is_not_sent_after_it(cell: C
         gateway.call(arm.held.set)
 
 
-def test_events_and_streams_reach_those_they_concern(cell: Cell) -> None:
+def test_events_and_streams_reach_those_they_concern(cell: ArmCell) -> None:
     gateway, arm, context = cell
     gone: list[tuple[str, str]] = []
     context.motion.gone = lambda name, session: gone.append((name, session))
@@ -141,7 +108,7 @@ def test_events_and_streams_reach_those_they_concern(cell: Cell) -> None:
     assert ("arm1", name) in gone
 
 
-def test_the_command_line_prints_the_answer(cell: Cell) -> None:
+def test_the_command_line_prints_the_answer(cell: ArmCell) -> None:
     gateway, _, _ = cell
     done = CliRunner().invoke(app, ["motion", "arm1", '{"command":"foo"}', "--url", gateway.url])
     assert (done.exit_code, json.loads(done.output)["message"]) == (0, '{"command":"foo"}')

@@ -6,12 +6,14 @@ import fcntl
 import socket
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from schemas.topics import QUERIES, TOPICS
+from services.launch.cell import crf_addresses
 from services.launch.cli import app
 from services.launch.processes import Address, CellOptions, cell_processes
 from tests.launch.conftest import Running
@@ -111,6 +113,37 @@ def test_a_world_that_does_not_say_who_acts_is_told(up: list[str], tmp_path: Pat
     assert result.exit_code == 1
     assert told in result.output
     assert not (tmp_path / "var").exists()
+
+
+def test_crf_ports_go_to_the_arms_in_order(tmp_path: Path) -> None:
+    (tmp_path / "world.yaml").write_text("arms: {arm1: {kind: fr3}, arm2: {kind: ur5e}}\n")
+    options = CellOptions(world=str(tmp_path), crf_port=5000)
+    table = {p.name: p for p in cell_processes(replace(options, crf=crf_addresses(options)), {})}
+    assert "--crf-port arm1=5000 --crf-port arm2=5001" in " ".join(table["gateway"].argv)
+    assert [address.port for address, _ in table["gateway"].ports] == [5000, 5001]
+    free = crf_addresses(replace(options, crf_port=0))
+    assert len({address.port for address in free.values()} - {0}) == 2
+    assert crf_addresses(CellOptions(world=str(tmp_path))) == {}
+
+
+@pytest.mark.parametrize(("world", "port", "told"), [
+    ("", "5000", "there is no arm in world"),
+    ("arms: {arm1: {kind: fr3}, arm2: {kind: fr3}}", "65535", "2 arms from 65535 on, ports end at 65535"),
+])  # fmt: skip
+def test_crf_ports_that_cannot_be_are_told(up: list[str], tmp_path: Path, world: str, port: str, told: str) -> None:
+    (tmp_path / "world" / "world.yaml").write_text(world)
+    result = cli.invoke(app, [*up, "--crf-port", port, "--state-dir", str(tmp_path / "var")])
+    assert result.exit_code == 1
+    assert told in result.output
+
+
+def test_a_crf_port_in_use_is_told(up: list[str], tmp_path: Path) -> None:
+    (tmp_path / "world" / "world.yaml").write_text("arms: {arm1: {kind: fr3}}")
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        port = holder.getsockname()[1]
+        result = cli.invoke(app, [*up, "--crf-port", str(port), "--state-dir", str(tmp_path / "var")])
+    assert result.exit_code == 1
+    assert f"gateway cannot listen on 127.0.0.1:{port}" in result.output and "with --crf-port." in result.output
 
 
 def test_a_bus_elsewhere_becomes_the_routers_neighbour() -> None:

@@ -63,7 +63,7 @@ def test_garbage_is_survived_and_not_kept(pieces: list[bytes]) -> None:
         decoder.feed(piece)
     assert len(decoder._buffer) < len(SYNC) + 16 + 256
     found = [packet for _ in range(4) for packet in decoder.feed(encode(Packet(b"x" * 100)))]
-    assert found, "the decoder no longer hears anything"
+    assert found or decoder.too_large, "the decoder no longer hears anything"
 
 
 def test_a_broken_header_costs_one_packet() -> None:
@@ -74,10 +74,14 @@ def test_a_broken_header_costs_one_packet() -> None:
     assert decoder.skipped == len(VECTOR)
 
 
-def test_a_length_beyond_reason_is_not_waited_for() -> None:
+def test_a_length_beyond_reason_ends_the_reading() -> None:
     decoder = Decoder(max_payload=1000)
     head = (801).to_bytes(2, "little") + (1001).to_bytes(4, "little") + bytes(9)
-    assert decoder.feed(SYNC + head + bytes([checksum(801, 1001, 0, 0)]) + VECTOR)
+    wrong = SYNC + head + bytes([checksum(801, 1001, 0, 0) ^ 1])
+    right = SYNC + head + bytes([checksum(801, 1001, 0, 0)])
+    assert len(decoder.feed(VECTOR + wrong + VECTOR + right + VECTOR)) == 2
+    assert decoder.too_large == 1001
+    assert decoder.feed(VECTOR) == [] and not decoder._buffer
 
 
 def test_the_checksum_is_a_byte_whatever_the_sign() -> None:

@@ -1,0 +1,34 @@
+"""A gateway of one arm whose controller echoes what it is asked."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+from bus import BusError
+from schemas import topics
+from schemas.motion import CrfAnswer, CrfCall
+from services.gateway.context import Context
+from tests.gateway.harness import Gateway
+
+
+class FakeArm:
+    """Echoes each call's text; ``held`` holds commands back, stops never."""
+
+    def __init__(self) -> None:
+        self.failure: BusError | None = None
+        self.calls: list[tuple[str, str, str]] = []
+        self.held: asyncio.Event | None = None
+
+    async def acall(self, query: Any, request: CrfCall, robot: str, timeout: float) -> CrfAnswer:
+        assert robot == "arm1" and timeout > 0
+        if self.failure is not None:
+            raise self.failure
+        self.calls.append((query.name, request.session, request.text))
+        if self.held is not None and query is topics.MOTION:
+            await self.held.wait()
+        return CrfAnswer(text=json.dumps({"command": "reply", "replyCommand": "echo", "message": request.text}))
+
+
+ArmCell = tuple[Gateway, FakeArm, Context]
