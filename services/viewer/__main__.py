@@ -1,0 +1,44 @@
+"""``python -m services.viewer``."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+EPILOG = """Examples:\n
+  python -m services.viewer\n
+  python -m services.viewer --host 0.0.0.0 --memory 1GB\n
+  python -m services.viewer --no-serve --save run.rrd\n
+"""
+NICE = 10
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command(epilog=EPILOG)
+def main(
+    host: Annotated[str, typer.Option(help="Address to listen on (127.0.0.1: this machine only).")] = "127.0.0.1",
+    web_port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the web viewer.")] = 9090,
+    data_port: Annotated[int, typer.Option(min=1, max=65535, help="Port viewers get their data from.")] = 9876,
+    memory: Annotated[str, typer.Option(help="What is kept for viewers that come late; the oldest goes.")] = "256MB",
+    rate: Annotated[float, typer.Option(min=0.1, max=100, help="Frames a second, at most.")] = 25.0,
+    save: Annotated[Path | None, typer.Option(help="Write everything to this .rrd file, too.")] = None,
+    serve: Annotated[bool, typer.Option(help="Serve viewers.")] = True,
+) -> None:
+    """Draw what the bus says of a cell in Rerun."""
+    try:
+        import rerun  # noqa: F401
+    except ImportError:
+        print("the viewer needs Rerun: pip install 'rackhand[viewer]'", file=sys.stderr)
+        raise SystemExit(2) from None
+    os.nice(NICE)  # whoever looks has time; whoever acts has not
+    from services.viewer.service import Settings, run
+
+    raise SystemExit(run(Settings(host, web_port, data_port, memory, rate, save, serve)))
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,120 @@
+"""An arm: its tool, its way, how well its controller follows, who holds control."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import rerun as rr
+
+from schemas.base import Quaternion, Vec3
+from schemas.motion import ArmModel, Holder, MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
+from schemas.orientation import TaskPose, quaternion
+from services.viewer import colours
+from services.viewer.items import Drawing, Item, Level, Note, Pose, Row
+from services.viewer.shapes import curves, line
+from services.viewer.trail import Trail
+
+TRAIL_STEP, TRAIL_POINTS = 0.01, 400
+_AXES = {"mount": 0.15, "tool": 0.12, "target": 0.08}  # frame → length of its axes, m
+_CURVES = (
+    ("error/linear", "tool off its target, mm", colours.FIRST),
+    ("error/angular", "tool off its target, mrad", colours.SECOND),
+    ("loop/tick", "longest tick, µs", colours.FIRST),
+    ("loop/solver", "longest solve, µs", colours.SECOND),
+    ("counts/iterations", "solver iterations", colours.FIRST),
+    ("counts/late_ticks", "late ticks", colours.FOURTH),
+)
+_EVENTS: dict[str, str] = {
+    "controlGranted": "control granted to",
+    "controlLost": "control lost by",
+    "stopped": "stopped, by",
+    "resumed": "resumed, by",
+    "heartbeatLost": "heartbeat lost of",
+}
+_LEVELS: dict[str, Level] = {"controlLost": "WARN", "stopped": "ERROR", "heartbeatLost": "WARN"}
+
+
+class ArmView:
+    """Remembers the tool's trail and what was said last. Until its model comes, the arm stands at the map's origin."""
+
+    def __init__(self, robot: str) -> None:
+        self.robot = robot
+        self._trail = Trail(TRAIL_STEP, TRAIL_POINTS)
+        self._status: MotionStatus | None = None
+        self.mount: tuple[Vec3, Quaternion] | None = None
+
+    def _at(self, name: str) -> str:
+        return f"{self.robot}/{name}"
+
+    def begin(self) -> Iterable[Item]:
+        """What holds for as long as the arm is drawn: axes of its frames, and the names of its curves."""
+        for name, length in _AXES.items():
+            yield Drawing(self._at(f"frames/{name}"), (rr.TransformAxes3D(length),), frame=self._at(name), static=True)
+        for entity, name, colour in _CURVES:
+            yield curves(self._at(entity), [name], [colour])
+        for entity, unit in (("position", "rad"), ("velocity", "rad/s"), ("error", "rad")):
+            names = [f"joint {number}, {unit}" for number in range(1, len(colours.JOINTS) + 1)]
+            yield curves(self._at(f"joints/{entity}"), names, colours.JOINTS)
+
+    def model(self, model: ArmModel) -> Iterable[Item]:
+        self.mount = model.position, model.orientation
+        yield Pose(self._at("mount"), model.position, model.orientation)
+
+    def status(self, status: MotionStatus) -> Iterable[Item]:
+        before, self._status = self._status, status
+        for name, expected in (("position", status.joint_positions), ("velocity", status.joint_velocities)):
+            if expected.value is not None and all(map(math.isfinite, expected.value)):
+                yield Row(self._at(f"joints/{name}"), expected.value)
+        if status.task_pose.value is not None and status.task_pose.value.finite:
+            yield from self._tool(status.task_pose.value)
+        yield from self._said(before, status)
+
+    def _tool(self, pose: TaskPose) -> Iterable[Item]:
+        position: Vec3 = pose.position
+        yield Pose(self._at("tool"), position, quaternion(pose.orientation.rotation()), parent=self._at("mount"))
+        if self._trail.add(position):
+            trail = line(self._trail.points, colours.TRAIL, 2.0)
+            yield Drawing(self._at("trail"), (trail,), frame=self._at("mount"), lasting=True)
+
+    def _said(self, before: MotionStatus | None, status: MotionStatus) -> Iterable[Note]:
+        held, was_held = _holder(status.holder), _holder(before.holder if before is not None else None)
+        if held != was_held:
+            yield self._note(f"locked by {held}" if held else "unlocked")
+        runs = bool(status.is_trajectory_running.value)
+        if runs != (before is not None and bool(before.is_trajectory_running.value)):
+            yield self._note("a trajectory runs" if runs else "the trajectory is done")
+        if status.stopped_by and (before is None or status.stopped_by != before.stopped_by):
+            yield self._note(f"stopped by {status.stopped_by}", "ERROR")
+
+    def diagnostics(self, told: MotionDiagnostics) -> Iterable[Item]:
+        yield Pose(self._at("target"), told.target_position, told.target_orientation, parent=self._at("mount"))
+        yield Row(self._at("joints/error"), told.joint_errors)
+        yield Row(self._at("error/linear"), (1e3 * told.linear_error,))
+        yield Row(self._at("error/angular"), (1e3 * told.angular_error,))
+        yield Row(self._at("loop/tick"), (told.tick_us,))
+        yield Row(self._at("loop/solver"), (told.solver_us,))
+        yield Row(self._at("counts/iterations"), (float(told.solver_iterations),))
+        yield Row(self._at("counts/late_ticks"), (float(told.late_ticks),))
+
+    def path(self, path: MotionPath) -> Iterable[Item]:
+        ends = path.points[[end for end in path.ends if end < len(path.points)]]
+        yield Drawing(self._at("path"), (line(path.points, colours.PATH, 3.0),), frame=self._at("mount"), lasting=True)
+        marks = rr.Points3D(ends, colors=colours.TARGET, radii=rr.Radius.ui_points(5.0))
+        yield Drawing(self._at("way_points"), (marks,), frame=self._at("mount"), lasting=True)
+
+    def event(self, event: MotionEvent) -> Iterable[Item]:
+        info = event.info
+        text = f"{_EVENTS[event.name]} {info.client} (priority {info.priority})"
+        if info.kind:
+            text = f"{info.kind}: {text}"
+        if info.reason:
+            text += f": {info.reason}" + (f" by {info.by}" if info.by else "")
+        yield self._note(text, _LEVELS.get(event.name))
+
+    def _note(self, text: str, level: Level | None = None) -> Note:
+        return Note(self._at("log"), text, level or "INFO")
+
+
+def _holder(holder: Holder | None) -> str:
+    return f"{holder.client} at priority {holder.priority}" if holder is not None else ""

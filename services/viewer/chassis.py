@@ -1,0 +1,233 @@
+"""A chassis: what it measures, believes, plans and tells, as shapes, curves and lines of a log."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from schemas.base import Pose2, Quaternion
+from schemas.chassis import (
+    Battery,
+    ChassisCommand,
+    ChassisModel,
+    ChassisStatus,
+    Contacts,
+    Costmap,
+    Jack,
+    LocalisedPose,
+    Odometry,
+    Scan,
+)
+from schemas.fail_reasons import MoveFailReason
+from schemas.maps import CurrentMap
+from schemas.moves import MoveEvent, PlannedPath, PlanningState
+from services.viewer import colours
+from services.viewer.items import Drawing, Item, Level, Note, Pose, Row
+from services.viewer.maps import map_drawings
+from services.viewer.shapes import curves, line
+from services.viewer.trail import Trail
+
+# Heights that keep flat things apart (m): a costmap over the map, lines over both. A 2-D lidar tells no height of its
+# own; its returns are drawn about as high as a low chassis carries one.
+COSTMAP_Z, LINE_Z, SCAN_Z = 0.012, 0.03, 0.18
+BODY_HEIGHT = 0.25
+TRAIL_STEP, TRAIL_POINTS = 0.1, 500
+KNOWN_POSES = 8
+
+
+class ChassisView:
+    """Remembers what is needed to draw the next message: recent poses, the trail, what was said last."""
+
+    def __init__(self, robot: str) -> None:
+        self.robot = robot
+        self._poses: deque[LocalisedPose] = deque(maxlen=KNOWN_POSES)
+        self._trail = Trail(TRAIL_STEP, TRAIL_POINTS)
+        self._status: ChassisStatus | None = None
+        self._contacts: Contacts | None = None
+        self._planning: PlanningState | None = None
+
+    @property
+    def frame(self) -> str:
+        """Where the robot believes to be."""
+        return f"{self.robot}/localised"
+
+    def _at(self, name: str) -> str:
+        return f"{self.robot}/{name}"
+
+    def begin(self) -> Iterable[Item]:
+        """What holds for as long as the robot is drawn: the names of its curves."""
+        for entity, name, colour in _CURVES:
+            yield curves(self._at(entity), [name], [colour])
+
+    # -- body and pose -----------------------------------------------------------------------------------------------
+
+    def model(self, model: ChassisModel) -> Iterable[Item]:
+        """The outline that must not touch anything, with the wheels, where the robot believes to be."""
+        strips = [*prism(model.footprint, BODY_HEIGHT), *wheels(model)]
+        lines = rr.LineStrips3D(strips, colors=colours.FOOTPRINT, radii=rr.Radius.ui_points(1.2))
+        yield Drawing(self._at("footprint"), (lines,), frame=self.frame, static=True)
+
+    def pose(self, message: LocalisedPose) -> Iterable[Item]:
+        self._poses.append(message)
+        pose = message.pose
+        yield Pose(self.frame, (pose.x, pose.y, 0.0), yaw_quaternion(pose.yaw))
+        if self._trail.add((pose.x, pose.y, LINE_Z)):
+            yield Drawing(self._at("trail"), (line(self._trail.points, colours.TRAIL, 2.0),), lasting=True)
+
+    def scan(self, scan: Scan) -> Iterable[Item]:
+        pose = self._pose_at(scan.stamp)
+        if pose is not None:
+            points = rr.Points3D(scan_points(scan, pose), colors=colours.SCAN, radii=rr.Radius.ui_points(1.8))
+            yield Drawing(self._at("scan"), (points,))
+
+    def _pose_at(self, stamp: int) -> Pose2 | None:
+        """The known pose nearest in time."""
+        nearest = min(self._poses, key=lambda known: abs(known.stamp - stamp), default=None)
+        return nearest.pose if nearest is not None else None
+
+    # -- measurements ------------------------------------------------------------------------------------------------
+
+    def odometry(self, odometry: Odometry) -> Iterable[Item]:
+        yield Row(self._at("speed/forward"), (odometry.twist.linear,))
+        yield Row(self._at("speed/turning"), (odometry.twist.angular,))
+
+    def command(self, command: ChassisCommand) -> Iterable[Item]:
+        yield Row(self._at("speed/forward_wanted"), (command.twist.linear,))
+        yield Row(self._at("speed/turning_wanted"), (command.twist.angular,))
+
+    def jack(self, jack: Jack) -> Iterable[Item]:
+        yield Row(self._at("charge/jack"), (100 * jack.progress,))
+
+    def battery(self, battery: Battery) -> Iterable[Item]:
+        yield Row(self._at("charge/battery"), (100 * battery.percentage,))
+
+    def contacts(self, contacts: Contacts) -> Iterable[Item]:
+        before, self._contacts = self._contacts, contacts
+        for name, closed in contacts.model_dump(exclude={"stamp"}).items():
+            if closed != (before is not None and getattr(before, name)):
+                yield self._note(
+                    f"{name.replace('_', ' ')}: {'closed' if closed else 'open'}", _SWITCH_LEVELS.get(name)
+                )
+
+    # -- what the planner tells --------------------------------------------------------------------------------------
+
+    def map(self, message: CurrentMap) -> Iterable[Item]:
+        yield from map_drawings(self.robot, message.map)
+        yield self._note(f"map {message.map.map_name!r}" if message.map is not None else "no map")
+
+    def costmap(self, costmap: Costmap) -> Iterable[Item]:
+        rows = costmap.cost.reshape(-1, costmap.columns)
+        grid = rr.GridMap(
+            data=np.flipud(rows).tobytes(),
+            format=rr.components.ImageFormat(
+                width=rows.shape[1], height=rows.shape[0], color_model="L", channel_datatype="U8"
+            ),
+            cell_size=costmap.resolution,
+            translation=(*costmap.origin, COSTMAP_Z),
+            opacity=0.5,
+            colormap=rr.components.Colormap.RvizCostmap,
+        )
+        yield Drawing(self._at("costmap"), (grid,), lasting=True)
+
+    def path(self, path: PlannedPath) -> Iterable[Item]:
+        yield Drawing(self._at("path"), (line(_flat(path.poses), colours.PATH, 3.0),), lasting=True)
+
+    def planning_state(self, state: PlanningState) -> Iterable[Item]:
+        before, self._planning = self._planning, state
+        target = state.target if state.move_state == "moving" else None
+        yield Drawing(self._at("target"), (target_arrow(target),), lasting=True)
+        yield Row(self._at("distance/remaining"), (state.remaining_distance,))
+        told = (state.action_id, state.move_state)
+        if state.action_id and (before is None or told != (before.action_id, before.move_state)):
+            reason = f": {MoveFailReason(state.fail_reason).rest_string}" if state.fail_reason else ""
+            text = f"move {state.action_id} ({state.action_type}) {state.move_state}{reason}"
+            yield self._note(text, "WARN" if state.move_state == "failed" else None)
+        if before is not None and state.stuck_state not in ("none", before.stuck_state):
+            yield self._note(state.stuck_state.replace("_", " "), "WARN")
+
+    def event(self, event: MoveEvent) -> Iterable[Item]:
+        level: Level = "WARN" if event.event in ("failed", "blocked") else "INFO"
+        yield self._note(f"move {event.move_id} {event.event}{f': {event.text}' if event.text else ''}", level)
+
+    def status(self, status: ChassisStatus) -> Iterable[Item]:
+        before, self._status = self._status or ChassisStatus(stamp=0), status
+        if status.control_mode != before.control_mode:
+            yield self._note(f"control mode {status.control_mode}")
+        if status.emergency_stop != before.emergency_stop:
+            said = "emergency stop" if status.emergency_stop else "emergency stop released"
+            yield self._note(said, "ERROR" if status.emergency_stop else None)
+        if status.driver_alive != before.driver_alive:
+            yield self._note(
+                f"the driver is {'back' if status.driver_alive else 'gone'}", None if status.driver_alive else "ERROR"
+            )
+        known = {alert.code for alert in before.alerts}
+        for alert in status.alerts:
+            if alert.code not in known:
+                yield self._note(f"alert {alert.code}: {alert.msg}", "ERROR" if alert.level == "error" else "WARN")
+
+    def _note(self, text: str, level: Level | None = None) -> Note:
+        return Note(self._at("log"), text, level or "INFO")
+
+
+_CURVES = (
+    ("speed/forward", "forward, m/s", colours.FIRST),
+    ("speed/forward_wanted", "forward wanted, m/s", colours.SECOND),
+    ("speed/turning", "turning, rad/s", colours.THIRD),
+    ("speed/turning_wanted", "turning wanted, rad/s", colours.FOURTH),
+    ("charge/battery", "battery, %", colours.FIRST),
+    ("charge/jack", "jack, % of its stroke", colours.SECOND),
+    ("distance/remaining", "remaining distance, m", colours.THIRD),
+)
+_SWITCH_LEVELS: dict[str, Level] = {"emergency_stop_button": "ERROR", "bumper_front": "WARN", "bumper_rear": "WARN"}
+
+
+def yaw_quaternion(yaw: float) -> Quaternion:
+    return math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
+
+
+def scan_points(scan: Scan, pose: Pose2) -> NDArray[np.float64]:
+    """(n, 3) of what returned, in the map."""
+    hits = np.flatnonzero(np.isfinite(scan.ranges))
+    ranges = scan.ranges[hits].astype(np.float64)
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    x = pose.x + cos * scan.sensor.x - sin * scan.sensor.y
+    y = pose.y + sin * scan.sensor.x + cos * scan.sensor.y
+    angles = pose.yaw + scan.sensor.yaw + scan.angle_min + scan.angle_step * hits
+    return np.column_stack([x + ranges * np.cos(angles), y + ranges * np.sin(angles), np.full(len(hits), SCAN_Z)])
+
+
+def prism(outline: NDArray[np.float64], height: float) -> list[NDArray[np.float64]]:
+    """The edges of a polygon (n, 2) that was drawn up from the floor."""
+    closed = np.vstack([outline, outline[:1]])
+    low, high = (np.column_stack([closed, np.full(len(closed), z)]) for z in (0.005, height))
+    return [low, high, *(np.array([a, b]) for a, b in zip(low[:-1], high[:-1], strict=True))]
+
+
+def wheels(model: ChassisModel) -> list[NDArray[np.float64]]:
+    """A circle for each driven wheel, standing on the floor."""
+    angle = np.linspace(0.0, math.tau, 25)
+    x, z = model.wheel_radius * np.cos(angle), model.wheel_radius * (1 + np.sin(angle))
+    return [np.column_stack([x, np.full(len(x), side * model.wheel_separation / 2), z]) for side in (1, -1)]
+
+
+def target_arrow(target: Pose2 | None) -> rr.Arrows3D:
+    """From the target place, along the target heading."""
+    if target is None:
+        return rr.Arrows3D(vectors=[])
+    length = 0.6
+    return rr.Arrows3D(
+        origins=[(target.x, target.y, LINE_Z)],
+        vectors=[(length * math.cos(target.yaw), length * math.sin(target.yaw), 0.0)],
+        colors=colours.TARGET,
+        radii=0.04,
+    )
+
+
+def _flat(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) points just over the floor, of rows x, y, yaw."""
+    return np.column_stack([poses[:, :2], np.full(len(poses), LINE_Z)])

@@ -1,0 +1,90 @@
+"""Rerun's own server, as a child process: recordings over gRPC, and the web viewer that shows them."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import TracebackType
+from urllib.parse import quote
+
+import rerun_cli
+
+PR_SET_PDEATHSIG = 1
+PATIENCE = 20.0
+# Rerun phones home, but for machines of continuous integration.
+SILENT = {"CI": "true", "RUST_LOG": "error", "NO_COLOR": "1"}
+
+
+class CannotServe(Exception):
+    """The server does not come up; the text is for the user."""
+
+
+class Server:
+    """Use as a context manager, before any thread is started. It ends with this process, however that ends."""
+
+    def __init__(self, host: str, web_port: int, data_port: int, memory: str) -> None:
+        self.host, self.web_port, self.data_port = host, web_port, data_port
+        self._memory = memory
+
+    @property
+    def data_url(self) -> str:
+        """For recordings and native viewers on this machine."""
+        return f"rerun+http://127.0.0.1:{self.data_port}/proxy"
+
+    @property
+    def page_url(self) -> str:
+        return f"http://127.0.0.1:{self.web_port}/?url={quote(self.data_url, safe='')}"
+
+    @property
+    def ended(self) -> bool:
+        return self._child.poll() is not None
+
+    def __enter__(self) -> Server:
+        command = [str(Path(rerun_cli.__file__).with_name("rerun")), "--serve-web", "--bind", self.host]
+        command += ["--port", str(self.data_port), "--web-viewer-port", str(self.web_port)]
+        command += ["--server-memory-limit", self._memory]
+        self._child = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            env={**os.environ, **SILENT},
+            preexec_fn=_die_with_parent,
+        )
+        self._wait()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._child.terminate()
+        try:
+            self._child.wait(2.0)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self._child.wait()
+
+    def _wait(self) -> None:
+        """Until both ports are open."""
+        deadline = time.monotonic() + PATIENCE
+        while not all(_accepts(port) for port in (self.data_port, self.web_port)):
+            if self.ended or time.monotonic() > deadline:
+                self.__exit__(None, None, None)
+                raise CannotServe(f"no Rerun server on {self.host}, ports {self.web_port} and {self.data_port}")
+            time.sleep(0.05)
+
+
+def _accepts(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def _die_with_parent() -> None:
+    """In the child, before the server runs: the kernel (Linux) ends it with this process."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -1,0 +1,196 @@
+"""The viewer as a process: bus in, Rerun out. Frames are made of the newest values, not of every message."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import rerun as rr
+
+from bus import Bus, Event, Presence, Sample
+from bus.log import configure_logging, get_logger
+from schemas import topics
+from schemas.base import NANOSECONDS
+from schemas.service import CELL, ServiceId
+from schemas.topics import Qos
+from services.viewer.blueprint import blueprint
+from services.viewer.bus_view import presence
+from services.viewer.picture import DRAWN, Cast, Picture, unread
+from services.viewer.recording import Recording, Stamped
+from services.viewer.server import CannotServe, Server
+
+log = get_logger(__name__)
+
+READ_AHEAD = 1024  # events a frame takes in at most
+ROWS_EVERY, REPEAT_EVERY = 0.4, 5.0  # seconds of wall time
+CLOCK_PATIENCE = 1.0  # seconds of wall time after which a cell without a clock is drawn
+AHEAD = 5 * NANOSECONDS  # what is stamped later than this after the clock is of a run that is over
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What ``python -m services.viewer`` can be told. ``rate`` in frames a second of wall time."""
+
+    host: str = "127.0.0.1"
+    web_port: int = 9090
+    data_port: int = 9876
+    memory: str = "256MB"
+    rate: float = 25.0
+    save: Path | None = None
+    serve: bool = True
+
+
+def run(settings: Settings) -> int:
+    """Draw until a signal. Returns the exit code: 1 if the server cannot run, or ended by itself."""
+    service = "viewer" if settings.serve else "recorder"
+    configure_logging(service)
+    with ExitStack() as stack:
+        server = None
+        if settings.serve:
+            server = Server(settings.host, settings.web_port, settings.data_port, settings.memory)
+            try:
+                stack.enter_context(server)  # before there are any threads
+            except CannotServe as error:
+                log.error(str(error))
+                return 1
+        bus = stack.enter_context(Bus(ServiceId(service, CELL)))
+        bus.handle_signals()
+        viewer = Viewer(bus, _recordings(settings, server), settings.rate)
+        bus.announce()
+        if server is not None:
+            log.info("serving", url=server.page_url)
+        viewer.run(lambda: server is None or not server.ended)
+    if server is not None and not bus.stopping:
+        log.error("the Rerun server ended")
+        return 1
+    return 0
+
+
+def _recordings(settings: Settings, server: Server | None) -> Callable[[str], Recording]:
+    """How the recording of each next run is made: a file of its own for each."""
+    numbers = itertools.count(1)
+
+    def new(run: str) -> Recording:
+        sinks: list[rr.LogSinkLike] = [rr.GrpcSink(server.data_url)] if server is not None else []
+        if settings.save is not None:
+            path = numbered(settings.save, next(numbers))
+            log.info("recording", file=str(path))
+            sinks.append(rr.FileSink(path))
+        return Recording(run, sinks)
+
+    return new
+
+
+def numbered(path: Path, number: int) -> Path:
+    """``run.rrd``, then ``run.2.rrd``, ``run.3.rrd`` …"""
+    return path if number == 1 else path.with_name(f"{path.stem}.{number}{path.suffix}")
+
+
+class Viewer:
+    """Wires the bus to recordings, one a run. ``new_recording``: name of the run → where it is written."""
+
+    def __init__(self, bus: Bus, new_recording: Callable[[str], Recording], rate: float) -> None:
+        self._bus, self._new_recording, self._period = bus, new_recording, 1.0 / rate
+        self._inbox = bus.inbox()
+        for topic in DRAWN:
+            self._inbox.subscribe(topic, depth=unread(topic))
+        self._inbox.watch_services()
+        self._recording: Recording | None = None
+        self._picture, self._cast = Picture(), Cast()
+        self._run: str | None = None  # as the clock names it; None without a clock
+        self._now = 0
+        self._waiting: list[Event] = []  # before it is known which run it is
+        self._waiting_since: float | None = None
+        self._timeless: dict[tuple[str, str], Sample] = {}
+        self._rows_due = self._repeat_due = 0.0
+        self._layout: Cast | None = None
+
+    def run(self, alive: Callable[[], bool] = lambda: True) -> None:
+        """Draw until the bus stops, or what is drawn on is not ``alive`` any more."""
+        due = time.monotonic()
+        while not self._bus.stopping and alive():
+            self.frame(time.monotonic())
+            due = max(due + self._period, time.monotonic() + self._period / 4)
+            time.sleep(max(0.0, due - time.monotonic()))
+        if self._recording is not None:
+            self._recording.close()
+
+    def frame(self, wall: float) -> None:
+        """Take in what has come, and draw it. ``wall`` is the machine's monotonic time in seconds."""
+        events = self._heard()
+        clocks = [event.message for event in events if isinstance(event, Sample) and event.topic is topics.CLOCK]
+        if clocks:
+            self._now = clocks[-1].stamp
+            if clocks[-1].run != self._run:
+                self._begin(clocks[-1].run)
+        events = self._waiting + events
+        self._waiting = []
+        if self._recording is None:
+            self._wait_for_clock(events, wall)
+            return
+        self._recording.write(self._drawn(events))
+        if self._picture.cast != self._layout:
+            self._layout = self._picture.cast
+            self._recording.show(blueprint(self._layout))
+        if wall >= self._rows_due:
+            self._rows_due = wall + ROWS_EVERY
+            self._recording.flush_rows()
+        if wall >= self._repeat_due:
+            self._repeat_due = wall + REPEAT_EVERY
+            if events:
+                self._recording.repeat(self._now)
+
+    def _heard(self) -> list[Event]:
+        events: list[Event] = []
+        while len(events) < READ_AHEAD and (event := self._inbox.get(timeout=0)) is not None:
+            events.append(event)
+        return events
+
+    def _wait_for_clock(self, events: list[Event], wall: float) -> None:
+        """A robot without a simulator may tell no clock; the stamps are time then."""
+        self._waiting = events
+        if self._waiting_since is None and any(isinstance(event, Sample) for event in events):
+            self._waiting_since = wall
+        if self._waiting_since is not None and wall - self._waiting_since > CLOCK_PATIENCE:
+            self._begin(None)
+
+    def _begin(self, run: str | None) -> None:
+        """A new run: another recording, in which what holds for ever is drawn again."""
+        if self._recording is not None:
+            self._recording.close()
+        self._run = run
+        self._picture = Picture()
+        self._recording = self._new_recording(run or "")
+        self._recording.write(self._drawn(list(self._timeless.values())))
+
+    def _drawn(self, events: Iterable[Event]) -> Iterable[Stamped]:
+        for event in events:
+            match event:
+                case Sample():
+                    yield from self._sample(event)
+                case Presence(service=service, alive=alive):
+                    yield self._now, presence(service, alive)
+
+    def _sample(self, sample: Sample) -> Iterable[Stamped]:
+        topic = sample.topic
+        timeless = topic.qos is Qos.LATCHED and topic.rate == 0
+        if timeless:
+            self._timeless[topic.name, sample.robot] = sample
+        stamp = self._stamp(sample.message)
+        if stamp is None and not timeless:
+            return
+        for item in self._picture.hear(topic, sample.robot, sample.message):
+            yield self._now if stamp is None else stamp, item
+
+    def _stamp(self, message: Any) -> int | None:
+        """When it was so; None if that is in no time of this run."""
+        stamp = int(getattr(message, "stamp", self._now))
+        if self._run is not None:
+            return stamp if stamp <= self._now + AHEAD else None
+        self._now = max(self._now, stamp)
+        return stamp

@@ -1,0 +1,23 @@
+"""Shapes and curves that more than one view draws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from services.viewer.colours import Colour
+from services.viewer.items import Drawing
+
+
+def line(points: NDArray[np.floating], colour: Colour, width: float) -> rr.LineStrips3D:
+    """A line through points (n, 3), ``width`` in points of the screen; fewer than two are none."""
+    return rr.LineStrips3D([points] if len(points) > 1 else [], colors=colour, radii=rr.Radius.ui_points(width))
+
+
+def curves(entity: str, names: Sequence[str], colours: Sequence[Colour]) -> Drawing:
+    """What the curves of a plot are called, and their colours."""
+    lines = rr.SeriesLines(names=names, colors=colours, widths=1.5)
+    return Drawing(entity, (lines,), frame=None, static=True)

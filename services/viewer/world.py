@@ -1,0 +1,44 @@
+"""The world as only a simulator knows it: the scene's geometry, and where everything truly is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from schemas.world import Clock, Objects, Scene, SceneGeom
+from services.viewer.geometry import Bounds, Group, bounds, draw, grouped, is_same
+from services.viewer.items import Item, Note, Pose
+
+LOG = "bus/log"
+
+
+class WorldView:
+    """Remembers the scene as drawn, so that only what changed is drawn again."""
+
+    def __init__(self, _world: str = "") -> None:
+        self.bounds: Bounds | None = None
+        self._drawn: dict[Group, tuple[SceneGeom, ...]] = {}
+        self._pace: tuple[float | None, bool] | None = None
+
+    def begin(self) -> Iterable[Item]:
+        return ()
+
+    def scene(self, scene: Scene) -> Iterable[Item]:
+        """Bodies that are gone are drawn as nothing: what is static cannot be cleared."""
+        groups = grouped(scene)
+        self.bounds = bounds(scene)
+        for group in {**groups, **self._drawn}:
+            geoms = groups.get(group, ())
+            if not is_same(geoms, self._drawn.get(group)):
+                yield draw(group, geoms)
+        self._drawn = groups
+
+    def objects(self, objects: Objects) -> Iterable[Item]:
+        for thing in objects.objects:
+            yield Pose(thing.name, thing.position, thing.orientation)
+
+    def clock(self, clock: Clock) -> Iterable[Item]:
+        pace = (clock.speed, clock.paused)
+        if pace != self._pace:
+            self._pace = pace
+            speed = "as fast as possible" if clock.speed is None else f"at {clock.speed:g} x real time"
+            yield Note(LOG, "the world stands: paused" if clock.paused else f"the world runs {speed}")

@@ -1,0 +1,20 @@
+"""Which messages are drawn: routing follows from the contract's names."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from schemas.topics import TOPICS, Topic
+from services.viewer.picture import DRAWN, NOT_DRAWN, route
+
+
+@pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)
+def test_every_topic_is_drawn_or_said_why_not(topic: Topic[Any]) -> None:
+    if topic in NOT_DRAWN:
+        assert NOT_DRAWN[topic]
+        return
+    assert topic in DRAWN
+    view, method = route(topic)
+    assert callable(getattr(view, method, None)), f"{view.__name__} has no method {method!r} for {topic.name}"
