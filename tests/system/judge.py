@@ -59,16 +59,16 @@ class Judge:
 
         ``speed`` (m/s) is what counts as standing.
         """
-        trail: list[tuple[float, Pose2]] = []
+        trail: list[tuple[int, Pose2]] = []
         while True:
             event = self._truth.get(timeout=20)
             assert isinstance(event, Sample), "the simulator tells no true poses"
             pose = next(_planar(thing) for thing in event.message.objects if thing.name == silent)
-            trail.append((event.message.stamp / NANOSECONDS, pose))
+            trail.append((event.message.stamp, pose))
             if len(trail) > 1:
                 (before, there), (now, here) = trail[-2:]
-                if math.hypot(here.x - there.x, here.y - there.y) < speed * (now - before):
-                    return before - self.inspect().command_stamps[silent] / NANOSECONDS
+                if math.hypot(here.x - there.x, here.y - there.y) < speed * (now - before) / NANOSECONDS:
+                    return (before - self.inspect().command_stamps[silent]) / NANOSECONDS
 
     def true_poses(self) -> dict[str, Pose2]:
         """Where everything that can move really is, as of the next publication of the truth."""
