@@ -6,7 +6,6 @@ import asyncio
 import fcntl
 import json
 import os
-import socket
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -15,8 +14,10 @@ from pathlib import Path
 
 import worlds
 from services.launch.health import Health, ask_health
+from services.launch.ports import in_the_way, with_port
 from services.launch.processes import WORLD_FILE, Address, CellOptions, Process, cell_processes, read_cast, world_folder
 from services.launch.supervisor import Supervisor
+from services.launch.viewing import with_viewer
 
 CELL_FILE = "cell.json"
 MAX_PORT = 65535
@@ -30,14 +31,15 @@ class CannotStart(Exception):
 def run_cell(options: CellOptions) -> int:
     """Run the cell until a signal ends it. Returns the exit code; raises ``CannotStart`` before anything is started."""
     check_world(options.world)
-    options = replace(options, http=_with_port(options.http), bus=_with_port(options.bus), crf=crf_addresses(options))
+    options = replace(options, http=with_port(options.http), bus=with_port(options.bus), crf=crf_addresses(options))
+    options, blind = with_viewer(options)
     processes = cell_processes(options, os.environ)
     check_ports(processes)
     with StateFolder(options.state_dir) as state:
         supervisor = Supervisor(
             processes,
             os.environ,
-            watch=lambda running: _announce(running, options),
+            watch=lambda running: _announce(running, options, blind),
             on_change=lambda pids: state.tell(options, pids),
         )
         return asyncio.run(supervisor.run())
@@ -65,7 +67,7 @@ def crf_addresses(options: CellOptions) -> dict[str, Address]:
     if first + len(arms) - 1 > MAX_PORT:
         raise CannotStart(f"--crf-port: {len(arms)} arms from {first} on, ports end at {MAX_PORT}")
     numbers = [first + i if first else 0 for i in range(len(arms))]
-    return {arm: _with_port(Address(options.http.host, n)) for arm, n in zip(arms, numbers, strict=True)}
+    return {arm: with_port(Address(options.http.host, n)) for arm, n in zip(arms, numbers, strict=True)}
 
 
 def check_ports(processes: Sequence[Process]) -> None:
@@ -73,19 +75,11 @@ def check_ports(processes: Sequence[Process]) -> None:
     for process in processes:
         own = ((process.listens, process.option),) if process.listens else ()
         for address, option in (*own, *process.ports):
-            _check_port(process.name, address, option)
-
-
-def _check_port(name: str, address: Address, option: str) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((address.host, address.port))
-        except OSError as error:
-            raise CannotStart(
-                f"{name} cannot listen on {address}: {error.strerror}. "
-                f"Does another cell run? Choose another port with {option}."
-            ) from None
+            if error := in_the_way(address):
+                raise CannotStart(
+                    f"{process.name} cannot listen on {address}: {error}. "
+                    f"Does another cell run? Choose another port with {option}."
+                )
 
 
 class StateFolder:
@@ -118,13 +112,17 @@ class StateFolder:
         """Written whole or not at all: a reader never sees half of it."""
         crf = {arm: str(address) for arm, address in options.crf.items()}
         facts = {"http": options.http.url, "bus": options.bus.endpoint, **({"crf": crf} if crf else {}), "pids": pids}
+        if options.viewer_page is not None:
+            facts |= {"viewer": options.viewer_page, "viewer_stream": options.viewer_stream}
         fresh = self._path / f"{CELL_FILE}.new"
         fresh.write_text(json.dumps(facts, indent=2) + "\n")
         fresh.replace(self._path / CELL_FILE)
 
 
-async def _announce(running: Supervisor, options: CellOptions) -> None:
+async def _announce(running: Supervisor, options: CellOptions, blind: str) -> None:
     """Wait until every service is up, then tell where things are. Tells once what is missing if that takes long."""
+    if blind:
+        running.say(blind)
     begun = time.monotonic()
     complain_at = begun + SLOW_START
     while True:
@@ -150,6 +148,7 @@ def _places(options: CellOptions) -> tuple[tuple[str, str], ...]:
     url = options.http.url
     return (
         ("page", f"{url}/"),
+        *((("live view", options.viewer_page),) if options.viewer_page is not None else ()),
         ("API docs", f"{url}/docs"),
         ("health", f"{url}/healthz"),
         ("WebSocket", f"{url.replace('http', 'ws', 1)}/ws/v2/topics"),
@@ -157,12 +156,3 @@ def _places(options: CellOptions) -> tuple[tuple[str, str], ...]:
         ("bus", options.bus.endpoint),
         ("state", str(options.state_dir)),
     )
-
-
-def _with_port(address: Address) -> Address:
-    """Port 0 is any free one."""
-    if address.port:
-        return address
-    with socket.socket() as probe:
-        probe.bind((address.host, 0))
-        return replace(address, port=probe.getsockname()[1])

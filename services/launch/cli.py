@@ -16,8 +16,10 @@ from services.launch.cell import CELL_FILE, CannotStart, run_cell
 from services.launch.health import Health, ask_health
 from services.launch.motion import CannotAsk, send_command
 from services.launch.processes import Address, CellOptions
+from services.launch.viewing import CannotView, open_viewer, record_cell
 
 DEFAULTS = CellOptions()
+DEFAULT_VIEWER = Address("127.0.0.1", 9090)
 
 
 def _examples(*lines: str) -> str:
@@ -58,7 +60,7 @@ def _speed(text: str) -> float | None:
         "rackhand up --world empty --speed max",
         "rackhand up --lockstep --seed 7",
         "rackhand up --world pick_station --crf-port 5000",
-        "rackhand up --robot-profile jackal --port 8091 --bus-port 7448 --state-dir var/second",
+        "rackhand up --robot-profile jackal --port 8091 --bus-port 7448 --viewer-port 9091 --state-dir var/second",
     )
 )
 def up(
@@ -86,6 +88,10 @@ def up(
             "0 is any free one. Off if not given",
         ),
     ] = DEFAULTS.crf_port,
+    viewer: Annotated[bool, typer.Option("--viewer/--no-viewer", help="serve the live view in Rerun")] = True,
+    viewer_port: Annotated[
+        int, typer.Option(min=0, max=65535, help="port of the live view's page; 0 is any free one")
+    ] = DEFAULT_VIEWER.port,
     robot_profile: Annotated[
         str | None, typer.Option(help="chassis of amr1, as in longjack or jackal; the world's own if not given")
     ] = DEFAULTS.profile,
@@ -101,6 +107,7 @@ def up(
         bus=Address(DEFAULTS.bus.host, bus_port),
         crf_port=crf_port,
         profile=robot_profile,
+        viewer=Address(DEFAULT_VIEWER.host, viewer_port) if viewer else None,
         state_dir=state_dir,
     )
     try:
@@ -118,7 +125,7 @@ def status(
     state_dir: Annotated[Path, typer.Option(help="state folder of the cell")] = DEFAULTS.state_dir,
 ) -> None:
     """Tell which services are up. Exit status 0 if all are, 1 if not."""
-    url = url or _known_url(state_dir) or DEFAULTS.http.url
+    url = url or _known(state_dir, "http") or DEFAULTS.http.url
     health = ask_health(url.rstrip("/"), timeout=3.0)
     if health is None:
         _fail(f"no gateway answers at {url}. Is the cell up? Start it with `rackhand up`.")
@@ -142,10 +149,37 @@ def motion(
     state_dir: Annotated[Path, typer.Option(help="state folder of the cell")] = DEFAULTS.state_dir,
 ) -> None:
     """Send one command to an arm and print its answer. Exit status 1 if it could not be asked."""
-    url = url or _known_url(state_dir) or DEFAULTS.http.url
+    url = url or _known(state_dir, "http") or DEFAULTS.http.url
     try:
         typer.echo(send_command(url.rstrip("/"), arm, command))
     except CannotAsk as error:
+        _fail(str(error))
+
+
+@app.command(epilog=_examples("rackhand record run.rrd", "rackhand record run.rrd --bus tcp/127.0.0.1:7448"))
+def record(
+    file: Annotated[Path, typer.Argument(help="where to write it; each further run of the world gets a number")],
+    bus: Annotated[
+        str | None, typer.Option(help="end point of the bus; if not given, that of the cell in the state folder")
+    ] = None,
+    state_dir: Annotated[Path, typer.Option(help="state folder of the cell")] = DEFAULTS.state_dir,
+) -> None:
+    """Record a cell that runs into a file for Rerun, until Ctrl-C or SIGTERM."""
+    try:
+        record_cell(file, bus or _known(state_dir, "bus"))
+    except CannotView as error:
+        _fail(str(error))
+
+
+@app.command(epilog=_examples("rackhand view", "rackhand view run.rrd"))
+def view(
+    file: Annotated[Path | None, typer.Argument(help="a recording; if not given, the cell that runs")] = None,
+    state_dir: Annotated[Path, typer.Option(help="state folder of the cell")] = DEFAULTS.state_dir,
+) -> None:
+    """Open Rerun's native viewer: on a recording, or on the cell as it runs."""
+    try:
+        open_viewer(file, _known(state_dir, "viewer_stream"))
+    except CannotView as error:
         _fail(str(error))
 
 
@@ -168,10 +202,10 @@ def world(context: typer.Context) -> None:
     raise typer.Exit(subprocess.run(command, check=False).returncode)
 
 
-def _known_url(state_dir: Path) -> str | None:
-    """The gateway of the cell that runs on this state folder, if one does."""
+def _known(state_dir: Path, fact: str) -> str | None:
+    """What the cell that runs on this state folder tells of itself, if one does."""
     try:
-        return str(json.loads((state_dir / CELL_FILE).read_text())["http"])
+        return str(json.loads((state_dir / CELL_FILE).read_text())[fact])
     except (OSError, ValueError, KeyError):
         return None
 

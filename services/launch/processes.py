@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import yaml
 
@@ -42,7 +43,7 @@ class Process:
 
     It is started as soon as every process it ``needs`` runs and accepts connections where it ``listens``. ``env`` is
     laid over the supervisor's own environment; ``option`` is what a user changes when the address is taken. ``ports``
-    are further addresses it listens on, each with that option.
+    are further addresses it listens on, each with that option. The cell goes on without an ``optional`` process.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Process:
     option: str = ""
     ports: tuple[tuple[Address, str], ...] = ()
     env: Mapping[str, str] = field(default_factory=dict)
+    optional: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,8 @@ class CellOptions:
     """What ``rackhand up`` can be told. ``speed`` None is as fast as possible; ``world`` is a name or a folder.
 
     ``seed`` and ``profile`` are the world's own where None. ``crf_port`` is for CRF's packet framing to the first arm,
-    the next ports are for the next arms; where each arm listens in the end is in ``crf``.
+    the next ports are for the next arms; where each arm listens in the end is in ``crf``. ``viewer`` is where the live
+    view's page is, None for no live view; its data come from ``viewer_data``.
     """
 
     world: str = "warehouse"
@@ -79,7 +82,19 @@ class CellOptions:
     crf_port: int | None = None
     crf: Mapping[str, Address] = field(default_factory=dict)
     profile: str | None = None
+    viewer: Address | None = Address("127.0.0.1", 9090)
+    viewer_data: Address = Address("127.0.0.1", 9876)
     state_dir: Path = Path("var")
+
+    @property
+    def viewer_page(self) -> str | None:
+        """What a browser opens to see the cell live."""
+        return f"{self.viewer.url}/?url={quote(self.viewer_stream, safe='')}" if self.viewer is not None else None
+
+    @property
+    def viewer_stream(self) -> str:
+        """What Rerun's native viewer opens."""
+        return f"rerun+http://{self.viewer_data}/proxy"
 
 
 def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tuple[Process, ...]:
@@ -121,7 +136,17 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
             env=bus,
             ports=tuple((address, "--crf-port") for address in options.crf.values()),
         ),
+        *_viewer(options, bus),
     )
+
+
+def _viewer(options: CellOptions, bus: Mapping[str, str]) -> tuple[Process, ...]:
+    if options.viewer is None:
+        return ()
+    page, data = options.viewer, options.viewer_data
+    arguments = ("--host", page.host, "--web-port", str(page.port), "--data-port", str(data.port))
+    command = _module("services.viewer", *arguments)
+    return (Process("viewer", command, ("router",), page, "--viewer-port", env=bus, optional=True),)
 
 
 def read_cast(folder: Path) -> Cast:

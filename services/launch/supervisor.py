@@ -61,8 +61,9 @@ class Supervisor:
         self._listen_for_signals()
         keepers = [asyncio.create_task(self._keep(process)) for process in self._processes]
         watcher = asyncio.create_task(self._watch(self)) if self._watch else None
-        for keeper in keepers:
-            keeper.add_done_callback(lambda _: self._stop.set())  # none ends by itself, except to give up
+        for keeper, process in zip(keepers, self._processes, strict=True):
+            if not process.optional:
+                keeper.add_done_callback(lambda _: self._stop.set())  # none ends by itself, except to give up
         try:
             await self._stop.wait()
         finally:
@@ -100,12 +101,17 @@ class Supervisor:
                 return
             history, verdict = after_exit(self._policy, history, ran_for, code)
             if isinstance(verdict, GiveUp):
-                self.say(f"{process.name} ended with {describe_exit(code)}; giving up: {verdict.why}")
-                self._exit_code = 1
-                self._stop.set()
+                self._give_up(process, code, verdict)
                 return
             self.say(f"{process.name} ended with {describe_exit(code)}; starting it again in {verdict:g} s")
             await self._unless_stopped(asyncio.sleep(verdict))
+
+    def _give_up(self, process: Process, code: int, verdict: GiveUp) -> None:
+        said = "going on without it" if process.optional else "giving up"
+        self.say(f"{process.name} ended with {describe_exit(code)}; {said}: {verdict.why}")
+        if not process.optional:
+            self._exit_code = 1
+            self._stop.set()
 
     async def _run_once(self, process: Process) -> tuple[int, float]:
         child = await Child.start(process, self._environment, lambda line: self._output.line(process.name, line))

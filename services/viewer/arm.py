@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import rerun as rr
 
@@ -35,6 +36,15 @@ _EVENTS: dict[str, str] = {
 _LEVELS: dict[str, Level] = {"controlLost": "WARN", "stopped": "ERROR", "heartbeatLost": "WARN"}
 
 
+@dataclass(frozen=True)
+class Stand:
+    """Where an arm's base is in the map, and where its tool was first, in the frame of the base."""
+
+    position: Vec3 = (0.0, 0.0, 0.0)
+    orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    tool: Vec3 = (0.5, 0.0, 0.5)
+
+
 class ArmView:
     """Remembers the tool's trail and what was said last. Until its model comes, the arm stands at the map's origin."""
 
@@ -42,7 +52,7 @@ class ArmView:
         self.robot = robot
         self._trail = Trail(TRAIL_STEP, TRAIL_POINTS)
         self._status: MotionStatus | None = None
-        self.mount: tuple[Vec3, Quaternion] | None = None
+        self.stand = Stand()
 
     def _at(self, name: str) -> str:
         return f"{self.robot}/{name}"
@@ -58,7 +68,7 @@ class ArmView:
             yield curves(self._at(f"joints/{entity}"), names, colours.JOINTS)
 
     def model(self, model: ArmModel) -> Iterable[Item]:
-        self.mount = model.position, model.orientation
+        self.stand = replace(self.stand, position=model.position, orientation=model.orientation)
         yield Pose(self._at("mount"), model.position, model.orientation)
 
     def status(self, status: MotionStatus) -> Iterable[Item]:
@@ -72,6 +82,8 @@ class ArmView:
 
     def _tool(self, pose: TaskPose) -> Iterable[Item]:
         position: Vec3 = pose.position
+        if not len(self._trail):
+            self.stand = replace(self.stand, tool=position)
         yield Pose(self._at("tool"), position, quaternion(pose.orientation.rotation()), parent=self._at("mount"))
         if self._trail.add(position):
             trail = line(self._trail.points, colours.TRAIL, 2.0)

@@ -9,11 +9,17 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from services.viewer.geometry import rotation_matrices
-from services.viewer.items import MAP
+from services.viewer.items import MAP, TIMELINE
 from services.viewer.picture import Cast
 
 EMPTY_HALL = ((-5.0, -5.0, 0.0), (5.0, 5.0, 1.0))
+PLOT_SECONDS = 60.0
 _LEGEND = rrb.PlotLegend(corner="lefttop")
+_WINDOW = rrb.VisibleTimeRange(
+    TIMELINE,
+    start=rrb.TimeRangeBoundary.cursor_relative(seconds=-PLOT_SECONDS),
+    end=rrb.TimeRangeBoundary.cursor_relative(),
+)
 _BACKGROUND = rrb.Background(color=(28, 31, 38))
 
 
@@ -29,7 +35,7 @@ def blueprint(cast: Cast) -> rrb.Blueprint:
         rrb.Tabs(*tabs, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
         auto_views=False,
     )
 
@@ -68,8 +74,13 @@ def _arm(cast: Cast) -> rrb.Container:
 def _bus() -> rrb.Container:
     return rrb.Vertical(
         rrb.Horizontal(
-            rrb.TimeSeriesView(origin="/bus/lost", name="Lost: pushed out unread, or malformed", plot_legend=_LEGEND),
-            rrb.TimeSeriesView(origin="/bus/received", name="Received", plot_legend=_LEGEND),
+            rrb.TimeSeriesView(
+                origin="/bus/lost",
+                name="Lost: pushed out unread, or malformed",
+                plot_legend=_LEGEND,
+                time_ranges=_WINDOW,
+            ),
+            rrb.TimeSeriesView(origin="/bus/received", name="Received", plot_legend=_LEGEND, time_ranges=_WINDOW),
         ),
         rrb.TextLogView(origin="/bus/log", name="Who came and went"),
         row_shares=[2, 1],
@@ -80,7 +91,9 @@ def _bus() -> rrb.Container:
 def _plot(name: str, robots: Sequence[str], entity: str, span: tuple[float, float] | None = None) -> rrb.View:
     contents = [f"/{robot}/{entity}/**" for robot in robots]
     axis = rrb.ScalarAxis(range=span) if span else None
-    return rrb.TimeSeriesView(origin="/", contents=contents, name=name, axis_y=axis, plot_legend=_LEGEND)
+    return rrb.TimeSeriesView(
+        origin="/", contents=contents, name=name, axis_y=axis, plot_legend=_LEGEND, time_ranges=_WINDOW
+    )
 
 
 def _log(name: str, robots: Sequence[str]) -> rrb.View:
@@ -119,8 +132,13 @@ def _from_above(cast: Cast) -> rrb.EyeControls3D:
 
 
 def _close_up(cast: Cast) -> rrb.EyeControls3D:
-    """Beside the first arm, looking at where its tool works."""
-    position, orientation = cast.mounts[0] if cast.mounts else ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    turn = rotation_matrices(np.array([orientation]))[0]
-    eye, target = (np.array(position) + turn @ np.array(offset) for offset in ((1.6, -1.7, 1.1), (0.25, 0.0, 0.2)))
-    return rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0, 0, 1))
+    """Beside the first arm, in front of its tool."""
+    stand = cast.stands[0]
+    turn = rotation_matrices(np.array([stand.orientation]))[0]
+    base, tool = np.array(stand.position), turn @ np.array(stand.tool)
+    ahead = np.array([*tool[:2], 0.0]) / max(float(np.hypot(*tool[:2])), 1e-6)
+    aside = np.array([-ahead[1], ahead[0], 0.0])
+    target = base + 0.35 * ahead + np.array([0.0, 0.0, 0.2])
+    return rrb.EyeControls3D(
+        position=target + 1.1 * ahead + 1.5 * aside + np.array([0.0, 0.0, 0.7]), look_target=target, eye_up=(0, 0, 1)
+    )

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from schemas.base import Quaternion, Vec3
 
 MAP = "map"
+TIMELINE = "sim_time"
 Level = Literal["INFO", "WARN", "ERROR"]
 
 

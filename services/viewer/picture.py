@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from schemas import topics
-from schemas.base import Quaternion, Vec3
 from schemas.topics import Qos, Topic
-from services.viewer.arm import ArmView
+from services.viewer.arm import ArmView, Stand
 from services.viewer.bus_view import BusView
 from services.viewer.chassis import KNOWN_POSES, ChassisView
 from services.viewer.geometry import Bounds
@@ -56,11 +55,11 @@ def unread(topic: Topic[Any]) -> int | None:
 
 @dataclass(frozen=True)
 class Cast:
-    """Who is to be seen, and where things stand: the bases of arms, lowest and highest corner of the building."""
+    """Who is to be seen, where each arm stands, and the lowest and highest corner of the building."""
 
     chassis: tuple[str, ...] = ()
     arms: tuple[str, ...] = ()
-    mounts: tuple[tuple[Vec3, Quaternion], ...] = ()
+    stands: tuple[Stand, ...] = ()
     bounds: tuple[tuple[float, ...], ...] | None = None
 
 
@@ -86,7 +85,7 @@ class Picture:
         return Cast(
             tuple(sorted(chassis)),
             tuple(sorted(arms)),
-            tuple(view.mount for _, view in sorted(arms.items()) if view.mount is not None),
+            tuple(view.stand for _, view in sorted(arms.items())),
             _rounded(next((world.bounds for world in worlds), None)),
         )
 

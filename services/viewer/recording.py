@@ -11,10 +11,9 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from services.viewer.geometry import quaternions_xyzw
-from services.viewer.items import Drawing, Item, Note, Pose, Row
+from services.viewer.items import TIMELINE, Drawing, Item, Note, Pose, Row
 
 APPLICATION = "rackhand"
-TIMELINE = "sim_time"
 FRAMES = "tf"  # the entity that holds where all frames are
 
 Stamped = tuple[int, Item]

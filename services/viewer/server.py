@@ -54,6 +54,7 @@ class Server:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             env={**os.environ, **SILENT},
+            process_group=0,  # a signal to this process' group is not for the server: it ends last
             preexec_fn=_die_with_parent,
         )
         self._wait()
@@ -87,4 +88,4 @@ def _accepts(port: int) -> bool:
 def _die_with_parent() -> None:
     """In the child, before the server runs: the kernel (Linux) ends it with this process."""
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)

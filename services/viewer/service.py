@@ -154,7 +154,8 @@ class Viewer:
     def _wait_for_clock(self, events: list[Event], wall: float) -> None:
         """A robot without a simulator may tell no clock; the stamps are time then."""
         self._waiting = events
-        if self._waiting_since is None and any(isinstance(event, Sample) for event in events):
+        stamped = (isinstance(event, Sample) and hasattr(event.message, "stamp") for event in events)
+        if self._waiting_since is None and any(stamped):
             self._waiting_since = wall
         if self._waiting_since is not None and wall - self._waiting_since > CLOCK_PATIENCE:
             self._begin(None)

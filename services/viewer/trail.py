@@ -16,6 +16,9 @@ class Trail:
         self._step = step
         self._points: deque[Vec3] = deque(maxlen=longest)
 
+    def __len__(self) -> int:
+        return len(self._points)
+
     @property
     def points(self) -> NDArray[np.float64]:
         """(n, 3)"""

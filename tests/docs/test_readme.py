@@ -79,7 +79,7 @@ class MakeRun(Cell):
         return [
             "make",
             "run",
-            "ARGS=" + " ".join(["--port 0 --bus-port 0 --speed max --state-dir", str(self.state_dir)]),
+            "ARGS=" + " ".join(["--port 0 --bus-port 0 --viewer-port 0 --speed max --state-dir", str(self.state_dir)]),
         ]
 
     def stop(self) -> int:

@@ -16,7 +16,11 @@ def main() -> None:
     given = json.loads(sys.argv[1])
     processes = [
         Process(
-            p["name"], tuple(p["argv"]), tuple(p.get("needs", ())), Address(*p["listens"]) if "listens" in p else None
+            p["name"],
+            tuple(p["argv"]),
+            tuple(p.get("needs", ())),
+            Address(*p["listens"]) if "listens" in p else None,
+            optional=p.get("optional", False),
         )
         for p in given["processes"]
     ]

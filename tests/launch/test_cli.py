@@ -16,6 +16,7 @@ from schemas.topics import QUERIES, TOPICS
 from services.launch.cell import crf_addresses
 from services.launch.cli import app
 from services.launch.processes import Address, CellOptions, cell_processes
+from services.launch.viewing import with_viewer
 from tests.launch.conftest import Running
 
 cli = CliRunner()
@@ -28,16 +29,16 @@ def up(tmp_path: Path) -> list[str]:
     world = tmp_path / "world"
     world.mkdir()
     (world / "world.yaml").write_text("")
-    return ["up", "--world", str(world), "--port", "0", "--bus-port", "0"]
+    return ["up", "--world", str(world), "--port", "0", "--bus-port", "0", "--viewer-port", "0"]
 
 
 def test_help_names_every_command() -> None:
     shown = cli.invoke(app, ["--help"]).output
-    for command in ("up", "status", "world", "topics", "motion"):
+    for command in ("up", "status", "world", "topics", "motion", "record", "view"):
         assert f"\n  {command} " in shown
 
 
-@pytest.mark.parametrize("command", ["up", "status", "topics", "motion"])
+@pytest.mark.parametrize("command", ["up", "status", "topics", "motion", "record", "view"])
 def test_help_of_every_command_shows_examples(command: str) -> None:
     shown = cli.invoke(app, [command, "--help"]).output
     assert f"Examples:\n    rackhand {command}" in shown
@@ -83,7 +84,7 @@ def test_options_reach_the_services() -> None:
 def test_the_world_says_who_acts(tmp_path: Path) -> None:
     (tmp_path / "world.yaml").write_text("robots: {amr1: {}, amr2: {}}\narms: {arm1: {kind: fr3}}\n")
     table = {process.name: process for process in cell_processes(CellOptions(world=str(tmp_path)), {})}
-    assert list(table) == ["router", "sim", "planner-amr1", "planner-amr2", "controller", "gateway"]
+    assert list(table) == ["router", "sim", "planner-amr1", "planner-amr2", "controller", "gateway", "viewer"]
     controller = " ".join(table["controller"].argv)
     assert controller.endswith("services.controller --robot arm1 --arm fr3 --state-dir var/arm1 --rate 250")
     sim, gateway = " ".join(table["sim"].argv), " ".join(table["gateway"].argv)
@@ -95,7 +96,7 @@ def test_the_world_says_who_acts(tmp_path: Path) -> None:
 
 def test_a_world_of_arms_needs_no_planner() -> None:
     table = {process.name: process for process in cell_processes(CellOptions(world="pick_station"), {})}
-    assert list(table) == ["router", "sim", "controller", "gateway"]
+    assert list(table) == ["router", "sim", "controller", "gateway", "viewer"]
     assert "planner" not in " ".join((*table["sim"].argv, *table["gateway"].argv))
 
 
@@ -151,6 +152,32 @@ def test_a_bus_elsewhere_becomes_the_routers_neighbour() -> None:
     router, sim, *_ = cell_processes(CellOptions(), {"RACKHAND_BUS_CONNECT": elsewhere})
     assert router.argv[-2:] == ("--connect", elsewhere)
     assert sim.env["RACKHAND_BUS_CONNECT"] == "tcp/127.0.0.1:7447"
+
+
+def test_a_cell_whose_view_has_no_port_goes_without(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        taken = Address("127.0.0.1", holder.getsockname()[1])
+        blind, told = with_viewer(CellOptions(viewer=taken))
+        seeing, _ = with_viewer(CellOptions(viewer=Address("127.0.0.1", 0), viewer_data=taken))
+    assert blind.viewer is None and blind.viewer_page is None
+    assert f"no live view on {taken}: Address already in use" in told and "--viewer-port" in told
+    assert "viewer" not in [process.name for process in cell_processes(blind, {})]
+    assert seeing.viewer is not None and seeing.viewer.port
+    assert seeing.viewer_data.port not in (0, taken.port), "data come from any free port"
+
+
+def test_the_live_view_is_told_where_to_listen() -> None:
+    viewer = cell_processes(CellOptions(), {})[-1]
+    assert viewer.name == "viewer" and viewer.optional
+    assert " ".join(viewer.argv).endswith("services.viewer --host 127.0.0.1 --web-port 9090 --data-port 9876")
+    assert CellOptions().viewer_page == "http://127.0.0.1:9090/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A9876%2Fproxy"
+
+
+def test_there_must_be_something_to_view(tmp_path: Path) -> None:
+    result = cli.invoke(app, ["view", str(tmp_path / "none.rrd"), "--state-dir", str(tmp_path)])
+    assert result.exit_code == 1 and f"there is no file {tmp_path / 'none.rrd'}" in result.output
+    result = cli.invoke(app, ["record", str(tmp_path / "no" / "run.rrd"), "--state-dir", str(tmp_path)])
+    assert result.exit_code == 1 and f"there is no folder {tmp_path / 'no'}" in result.output
 
 
 @pytest.mark.parametrize("taken", ["--port", "--bus-port"])

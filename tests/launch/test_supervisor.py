@@ -117,6 +117,15 @@ def test_what_cannot_be_run_ends_the_cell(supervise: Supervise) -> None:
     assert "giving up" in "\n".join(running.lines)
 
 
+def test_a_cell_goes_on_without_what_is_optional(supervise: Supervise) -> None:
+    running = supervise([{"name": "aa", "argv": ["/no/such/program"], "optional": True}, {"name": "bb", "argv": STAY}])
+    pid = running.pid_of("bb")
+    running.until("aa ended with exit code 127; going on without it")
+    assert running.process.poll() is None and alive(pid)
+    running.process.terminate()
+    assert running.end() == 0
+
+
 def test_a_needed_process_accepts_connections_first(supervise: Supervise) -> None:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

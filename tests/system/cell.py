@@ -46,17 +46,22 @@ class CellError(AssertionError):
 class Cell:
     """``rackhand up`` with the given options, started on entry and stopped on exit.
 
-    ``http`` is the gateway's URL, ``bus`` the router's end point; ``folder`` holds the log and the state.
+    ``http`` is the gateway's URL, ``bus`` the router's end point; ``folder`` holds the log and the state. With a
+    ``viewer``, that is its page's URL, and ``viewer_stream`` what Rerun's native viewer opens.
     """
 
     http: str
     bus: str
+    viewer: str
+    viewer_stream: str
 
-    def __init__(self, folder: Path, *options: str, environment: dict[str, str] | None = None) -> None:
+    def __init__(
+        self, folder: Path, *options: str, environment: dict[str, str] | None = None, viewer: bool = False
+    ) -> None:
         self.folder = folder
         self.log = folder / "cell.log"
         self.state_dir = folder / "var"
-        self._options = options
+        self._options = (*options, *(("--viewer-port", "0") if viewer else ("--no-viewer",)))
         self._environment = environment or {}
         self._supervisor: subprocess.Popen[bytes] | None = None
         self._told_before = 0  # when a former cell wrote its facts, in ns
@@ -103,6 +108,7 @@ class Cell:
             )
         facts = self.wait_for(self._facts, "its ports are told")
         self.http, self.bus = facts["http"], facts["bus"]
+        self.viewer, self.viewer_stream = facts.get("viewer", ""), facts.get("viewer_stream", "")
 
     def stop(self) -> int:
         """Ask the supervisor to stop and wait until it has; returns its exit code."""
