@@ -1,7 +1,7 @@
 # make run    starts the cell (ARGS="--world empty --speed max" passes options on; `make run ARGS=--help` lists them)
 # make test   runs the tests  (ARGS="tests/planner -k corridor" passes options on)
 # make lint   checks style, types and the rules of the house
-# make bench  runs the benchmarks (ARGS=bus picks one)
+# make bench  runs the benchmarks (ARGS=bus picks one), beside other libraries where there are some
 # make docs   renews the generated tables in README.md and docs/
 # Each makes its own environment in .venv first; it is made anew only when pyproject.toml changes.
 
@@ -27,11 +27,11 @@ lint: $(VENV)/.dev
 docs: $(VENV)/.dev
 	@$(BIN)/python -m services.launch.reference README.md docs/*.md
 
-bench: $(VENV)/.dev
+bench: $(VENV)/.bench
 	@$(BIN)/python -m benchmarks $(ARGS)
 
 clean:
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-placo build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 # Stamps: which set of dependencies the environment holds, as of which pyproject.toml.
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml
@@ -43,6 +43,11 @@ $(VENV)/.dev: $(VENV)/bin/python pyproject.toml
 	@echo "rackhand: installing the cell and its test tools into $(VENV) (once; a minute or two)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@ $(VENV)/.run
+
+$(VENV)/.bench: $(VENV)/bin/python pyproject.toml
+	@echo "rackhand: installing the cell, its test tools and the libraries to measure against into $(VENV) (once; a few minutes)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@touch $@ $(VENV)/.dev $(VENV)/.run
 
 $(VENV)/bin/python:
 	@command -v $(PYTHON) >/dev/null || { echo "rackhand: $(PYTHON) not found. Install Python 3.11 or newer, or name one: make run PYTHON=/path/to/python3.12" >&2; exit 1; }

@@ -63,9 +63,10 @@ def jacobian(frames, jac):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def pose_error(pose, target, weights, error):  # type: ignore[no-untyped-def]
-    """Fill `error` (6,) with log6(pose⁻¹ target), the body twist that leads from pose to target in unit time.
-    Returns errorᵀ W error. By way of the quaternion (Shepperd's method), which keeps its digits at half a turn."""
+def pose_gap(pose, target, weights, gap):  # type: ignore[no-untyped-def]
+    """Fill `gap` (6,): offset of the target's origin and log3 of its rotation, both seen in the pose. Returns gapᵀ W
+    gap, whose slope along a body twist is -2 W gap (equal weights within each part). By way of the quaternion
+    (Shepperd's method), which keeps its digits at half a turn."""
     r = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -90,20 +91,35 @@ def pose_error(pose, target, weights, error):  # type: ignore[no-untyped-def]
     if qw < 0.0:
         qw, qx, qy, qz = -qw, -qx, -qy, -qz
     length = math.sqrt(qx * qx + qy * qy + qz * qz)
-    angle = 2.0 * math.atan2(length, qw)
-    by = angle / length if length > 1e-12 else 2.0 / qw
-    wx, wy, wz = by * qx, by * qy, by * qz
+    by = 2.0 * math.atan2(length, qw) / length if length > 1e-12 else 2.0 / qw
+    gap[0], gap[1], gap[2] = x, y, z
+    gap[3], gap[4], gap[5] = by * qx, by * qy, by * qz
+    return weighted(weights, gap)
+
+
+@njit(cache=True)
+def weighted(weights, error):  # type: ignore[no-untyped-def]
+    """errorᵀ W error."""
+    total = 0.0
+    for i in range(6):
+        total += weights[i] * error[i] * error[i]
+    return total
+
+
+@njit(cache=True)
+def pose_error(pose, target, weights, error):  # type: ignore[no-untyped-def]
+    """Fill `error` (6,) with log6(pose⁻¹ target), the body twist that leads from pose to target in unit time.
+    Returns errorᵀ W error."""
+    pose_gap(pose, target, weights, error)
+    x, y, z, wx, wy, wz = error[0], error[1], error[2], error[3], error[4], error[5]
+    angle = math.sqrt(wx * wx + wy * wy + wz * wz)
     # V⁻¹ p = p - ½ w×p + b w×(w×p)
     b = (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / (angle * angle) if angle > 1e-4 else 1.0 / 12.0
     cx, cy, cz = wy * z - wz * y, wz * x - wx * z, wx * y - wy * x
     error[0] = x - 0.5 * cx + b * (wy * cz - wz * cy)
     error[1] = y - 0.5 * cy + b * (wz * cx - wx * cz)
     error[2] = z - 0.5 * cz + b * (wx * cy - wy * cx)
-    error[3], error[4], error[5] = wx, wy, wz
-    total = 0.0
-    for i in range(6):
-        total += weights[i] * error[i] * error[i]
-    return total
+    return weighted(weights, error)
 
 
 @njit(cache=True)
@@ -114,13 +130,16 @@ def lengths(twist):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def cholesky(h, size, factor):  # type: ignore[no-untyped-def]
-    """Lower factor of the leading `size` rows of positive definite `h`."""
+    """Lower factor of the leading `size` rows of positive definite `h`. Returns the least pivot."""
+    least = np.inf
     for i in range(size):
         for j in range(i + 1):
             total = h[i, j]
             for k in range(j):
                 total -= factor[i, k] * factor[j, k]
             factor[i, j] = math.sqrt(max(total, 1e-300)) if i == j else total / factor[j, j]
+        least = min(least, total)
+    return least
 
 
 @njit(cache=True)
@@ -185,8 +204,12 @@ def solve_box(h, c, lower, upper, x):  # type: ignore[no-untyped-def]
             if largest <= 1e-9 or change <= 1e-4 * slope:
                 break
             length *= 0.5
+        cut = size < n
+        for a in range(size):
+            i = free[a]
+            cut |= trial[i] != x[i] + step[a]
         x[:] = trial
-        if largest <= 1e-9:
+        if largest <= (1e-9 if cut else 1e-3):  # a full step of all coordinates leaves nothing but its rounding
             return iteration + 1
     more = walk_faces(h, c, lower, upper, x)
     return PROJECTED + more if more > 0 else more - PROJECTED
@@ -306,71 +329,113 @@ def normal_matrix(jac, weights, damping, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def descend(placements, limits, tuning, target, goal):  # type: ignore[no-untyped-def]
-    """Move `goal` (n,) to a posture with the tool at `target`, or the nearest within limits. Returns the error left.
-
-    Levenberg-Marquardt with gain control."""
-    n = goal.shape[0]
-    weights = tuning[WEIGHTS : WEIGHTS + 6]
-    frames, error, jac, h = np.empty((n + 1, 3, 4)), np.empty(6), np.empty((6, n)), np.empty((n, n))
-    c, low, high, step, trial = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(6)
-    forward(placements, goal, frames)
-    least, damping = pose_error(frames[n], target, weights, error), 0.0
-    for _ in range(LOOKS):
-        jacobian(frames, jac)
-        normal_matrix(jac, weights, tuning[DAMPING] + damping, h)
-        c[:] = (weights * error) @ jac
-        for i in range(n):
-            low[i], high[i], step[i] = limits[0, i] - goal[i], limits[1, i] - goal[i], 0.0
-        solve_box(h, c, low, high, step)
-        if np.max(np.abs(step)) < 1e-5:
-            break
-        predicted = np.sum(step * (damping * step + c))
-        forward(placements, goal + step, frames)
-        squared = pose_error(frames[n], target, weights, trial)
-        # Where curvature rules (out of reach), a gain of half of what was predicted is that of the exact step.
-        if least - squared > 0.75 * predicted:
-            damping *= 0.5
-        elif least - squared < 0.4 * predicted:
-            damping = max(2.5 * damping, 0.1 * math.sqrt(least))
-        if squared < least:
-            goal += step
-            error[:], least = trial, squared
-        else:
-            forward(placements, goal, frames)
-    return math.sqrt(least)
+def curve(jac, pull, h):  # type: ignore[no-untyped-def]
+    """Take off `h` (n, n) the second derivatives of the tool's position along `pull` (3,), both in the tool's axes:
+    pull·∂²p/∂q_i∂q_j = pull·(ω_i × v_j) for i ≤ j."""
+    n = jac.shape[1]
+    for i in range(n):
+        x = pull[1] * jac[5, i] - pull[2] * jac[4, i]
+        y = pull[2] * jac[3, i] - pull[0] * jac[5, i]
+        z = pull[0] * jac[4, i] - pull[1] * jac[3, i]
+        for j in range(i, n):
+            h[j, i] -= x * jac[0, j] + y * jac[1, j] + z * jac[2, j]
+            h[i, j] = h[j, i]
 
 
 @njit(cache=True)
-def look_ahead(placements, limits, tuning, q, target, goal):  # type: ignore[no-untyped-def]
-    """Move `goal` (n,), that of the tick before or NaN, to where the joints will come to rest: at `target`, or at the
-    posture nearest to it when it is out of reach. Returns the error that remains there.
+def descend(placements, limits, tuning, target, goal, frames, looks):  # type: ignore[no-untyped-def]
+    """Move `goal` (n,), whose `frames` are filled, to a posture with the tool at `target`, or the nearest within
+    limits, by so many steps at most. Returns the error left and whether it came to an end.
+
+    Gauss and Newton's method where the target seems in reach, which moves a redundant arm no further than it must; else
+    Newton's, which converges fast also where an error remains. Damped where the error is not convex, or a step gains
+    less than it promised."""
+    n = goal.shape[0]
+    weights = tuning[WEIGHTS : WEIGHTS + 6]
+    error, jac, h, factor = np.empty(6), np.empty((6, n)), np.empty((n, n)), np.empty((n, n))
+    c, low, high, step, trial = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(6)
+    least, damping = pose_gap(frames[n], target, weights, error), 0.0
+    for _ in range(looks):
+        jacobian(frames, jac)
+        c[:] = (weights * error) @ jac
+        normal_matrix(jac, weights, tuning[DAMPING], h)
+        cholesky(h, n, factor)
+        cholesky_solve(factor, n, c, step)
+        if np.sum(c * step) < 0.5 * least:  # out of reach, for all that first derivatives tell
+            curve(jac, weights[:3] * error[:3], h)
+        added = 0.0
+        while True:
+            for i in range(n):
+                h[i, i] += damping - added
+            if cholesky(h, n, factor) > 0.5 * tuning[DAMPING] or damping > 1e3:
+                break
+            added, damping = damping, max(4.0 * damping, 1e-3)
+        for i in range(n):
+            low[i], high[i], step[i] = limits[0, i] - goal[i], limits[1, i] - goal[i], 0.0
+        solve_box(h, c, low, high, step)
+        length, undamped = np.max(np.abs(step)), damping == 0.0
+        if length < 1e-5:
+            return math.sqrt(least), True
+        predicted = np.sum(step * (2.0 * c - h @ step + damping * step))
+        forward(placements, goal + step, frames)
+        squared = pose_gap(frames[n], target, weights, trial)
+        if least - squared > 0.75 * predicted:
+            damping *= 0.25
+        elif least - squared < 0.25 * predicted:
+            damping = max(4.0 * damping, 1e-3)
+        if squared < least:
+            goal += step
+            error[:], least = trial, squared
+            if undamped and length < 1e-3:  # what Newton leaves is the square of that
+                return math.sqrt(least), True
+        else:
+            forward(placements, goal, frames)
+    return math.sqrt(least), False
+
+
+@njit(cache=True)
+def draw(q, posture, rate):  # type: ignore[no-untyped-def]
+    """The velocity (n,) towards a posture of which NaN leaves a joint free."""
+    velocity = np.empty(q.shape[0])
+    for i in range(q.shape[0]):
+        velocity[i] = 0.0 if math.isnan(posture[i]) else rate * (posture[i] - q[i])
+    return velocity
+
+
+@njit(cache=True)
+def look_ahead(placements, limits, tuning, q, frames, target, goals):  # type: ignore[no-untyped-def]
+    """Move `goals[0]` (n,), that of the tick before or NaN, to where the joints will come to rest: at `target`, or at
+    the posture nearest to it when it is out of reach. Returns the error that remains there.
 
     Braking has to know the whole way: along a curved one, a single Newton step is off by a quarter; towards a target
     out of reach it overshoots from one side of the singularity to the other, for ever. Starts from the old goal unless
     the arm itself is nearer; where that leads nowhere, home may lead to the target."""
-    frames, error = np.empty((q.shape[0] + 1, 3, 4)), np.empty(6)
-    forward(placements, goal, frames)
-    least = pose_error(frames[-1], target, tuning[WEIGHTS : WEIGHTS + 6], error)
-    forward(placements, q, frames)
-    if not least < pose_error(frames[-1], target, tuning[WEIGHTS : WEIGHTS + 6], error):  # also if the goal is NaN
-        goal[:] = q
-    remains = descend(placements, limits, tuning, target, goal)
+    ahead, gap = np.empty(frames.shape), np.empty(6)
+    weights, goal, other = tuning[WEIGHTS : WEIGHTS + 6], goals[0], goals[1]
+    forward(placements, goal, ahead)
+    if not pose_gap(ahead[-1], target, weights, gap) < pose_gap(frames[-1], target, weights, gap):  # or NaN
+        goal[:], ahead[:] = q, frames
+    remains, _ = descend(placements, limits, tuning, target, goal, ahead, LOOKS)
     if remains > REACH:
-        other = limits[4].copy()
-        if descend(placements, limits, tuning, target, other) < 0.5 * remains:
+        if not math.isfinite(other[0]):
+            other[:] = limits[4]
+        forward(placements, other, ahead)
+        beside, ended = descend(placements, limits, tuning, target, other, ahead, 1)
+        if beside < 0.5 * remains:
             goal[:] = other
-            remains = descend(placements, limits, tuning, target, goal)
+            remains, ended = descend(placements, limits, tuning, target, goal, ahead, LOOKS)
+        if ended:
+            other[:] = np.nan
     return remains
 
 
 @njit(cache=True)
-def tick(placements, limits, tuning, wish, q, v, target, twist, goal, frames, h, box, out, report):  # type: ignore[no-untyped-def]
+def tick(placements, limits, tuning, wish, q, v, target, twist, goals, frames, h, box, out, report):  # type: ignore[no-untyped-def]
     """One control tick without collision rows: fill `out` (n,) with the joint velocity for the coming period.
 
     `target` (3, 4) is where the tool ought to be now, `twist` (6,) how the target moves in the coming period (axes of
     the base, point at the tool). `wish` (n,) is the joint velocity that the objectives ask for; they get what the
-    task leaves over; `goal` (n,) is kept from tick to tick. Fills `frames`, the QP min ½vᵀHv - cᵀv with H in `h`,
+    task leaves over; `goals` (2, n) is kept from tick to tick. Fills `frames`, the QP min ½vᵀHv - cᵀv with H in `h`,
     bounds in `box[0]` and `box[1]`, c in `box[2]`, and `report`. Input that is not finite brakes. In three steps:
 
     1. The velocity wished for: k step/dt + flow + idle. `step` leads to the target, k ≤ 1 is what can be braked in
@@ -404,8 +469,8 @@ def tick(placements, limits, tuning, wish, q, v, target, twist, goal, frames, h,
     cholesky_solve(factor, n, step, step)
     scale, reach = braked(step, limits[2], limits[3], dt), 1.0
     if scale < 1.0 or np.max(np.abs(error - jac @ step)) > 0.1 * REACH:
-        remains = look_ahead(placements, limits, tuning, q, target, goal)
-        step[:] = goal - q
+        remains = look_ahead(placements, limits, tuning, q, frames, target, goals)
+        step[:] = goals[0] - q
         reach = max(0.0, 1.0 - remains / REACH)
         scale = min(braked(step, limits[2], limits[3], dt), reach + (1.0 - reach) * SETTLING * dt)
     for r in range(3):

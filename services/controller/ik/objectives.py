@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .arm import Arm
 from .collision import add_derivative, place
-from .kernels import forward, jacobian
+from .kernels import draw, forward, jacobian
 
 Array = NDArray[np.float64]
 
@@ -43,9 +43,8 @@ class DesiredJointPositions:
 
     def velocity(self, q: Array) -> Array:
         """-∂cost/∂q."""
-        offset = self.attraction - q
-        offset[np.isnan(offset)] = 0.0
-        return self.c * offset
+        velocity: Array = draw(q, self.attraction, self.c)
+        return velocity
 
 
 @dataclass
@@ -154,6 +153,11 @@ class _Entry:
     enabled: bool = False
     phase: float = 0.0  # 0 off … 1 fully on
 
+    @property
+    def share(self) -> float:
+        """How far it is blended in: starts and ends smoothly."""
+        return 0.5 - 0.5 * math.cos(math.pi * self.phase)
+
 
 class Objectives:
     """The objective functions of one arm, each disabled at first, each blended in and out over `blend_time` [s]."""
@@ -161,6 +165,8 @@ class Objectives:
     def __init__(self, arm: Arm, blend_time: float = 1.0) -> None:
         self.blend_time = blend_time
         self._entries = {kind.__name__: _Entry(kind(arm)) for kind in KINDS}
+        self._heard: list[_Entry] = []  # those that have a say
+        self._blending = False  # some phase is on its way
 
     def configure(self, name: str, parameters: Mapping[str, Any]) -> None:
         """Set parameters (the fields of the objective, and `enable`) of one function, all or none.
@@ -182,28 +188,31 @@ class Objectives:
         for key, value in accepted.items():
             setattr(entry.objective, key, value)
         entry.enabled = parameters.get("enable", entry.enabled)
+        self._blending = True
 
     def state(self) -> dict[str, float]:
         """How far each function is blended in, 0 … 1."""
-        return {name: 0.5 - 0.5 * math.cos(math.pi * entry.phase) for name, entry in self._entries.items()}
+        return {name: entry.share for name, entry in self._entries.items()}
 
     def advance(self, dt: float) -> bool:
         """Let `dt` [s] pass for the blends; whether any function has a say."""
-        some = False
-        for entry in self._entries.values():
-            if entry.enabled or entry.phase > 0.0:
-                change = dt / self.blend_time if self.blend_time > 0.0 else 1.0
+        if self._blending:
+            change = dt / self.blend_time if self.blend_time > 0.0 else 1.0
+            for entry in self._entries.values():
                 entry.phase = min(1.0, max(0.0, entry.phase + (change if entry.enabled else -change)))
-                some = True
-        return some
+            self._heard = [entry for entry in self._entries.values() if entry.phase > 0.0]
+            self._blending = any(entry.phase != entry.enabled for entry in self._entries.values())
+        return bool(self._heard)
 
     def velocity(self, q: Array) -> Array:
         """The joint velocity (n,) [rad/s] that all together ask for."""
-        total = np.zeros(len(q))
-        for entry in self._entries.values():
-            if entry.phase > 0.0:
-                total += (0.5 - 0.5 * math.cos(math.pi * entry.phase)) * entry.objective.velocity(q)
-        return total
+        total: Array | None = None
+        for entry in self._heard:
+            wish = entry.objective.velocity(q)
+            if entry.phase < 1.0:
+                wish = entry.share * wish
+            total = wish if total is None else total + wish
+        return np.zeros(len(q)) if total is None else total
 
 
 def _checked(what: str, value: object, old: Any, may_be_nan: bool) -> Any:

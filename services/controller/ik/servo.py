@@ -84,7 +84,7 @@ class DifferentialIk:
         n = arm.n
         self._frames, self._report = np.empty((n + 1, 3, 4)), np.empty(k.REPORT)
         self._h, self._box, self._out = np.empty((n, n)), np.empty((3, n)), np.empty(n)
-        self._goal = np.full(n, np.nan)  # where the joints come to rest, as the last tick saw it
+        self._goal = np.full((2, n), np.nan)  # where the joints come to rest, as the last tick saw it
         self._no_wish, self._no_twist = np.zeros(n), np.zeros(6)
         self.set_zones(())
 

@@ -8,7 +8,7 @@ import scipy.sparse as sparse
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from services.controller.ik import Arm, load_arm, velocity_box
+from services.controller.ik import Arm, DifferentialIk, load_arm, velocity_box
 from services.controller.ik import kernels as k
 from services.controller.ik.collision import RESERVE, Zone, build_table, collision_rows, gap
 from services.controller.ik.objectives import (
@@ -56,6 +56,44 @@ def test_pose_error_is_log6(seed: int, angle: float) -> None:
     np.testing.assert_allclose((a * pin.exp6(error)).homogeneous, b.homogeneous, atol=2e-7)
     if angle < 3.1:
         np.testing.assert_allclose(error, pin.log6(a.actInv(b)).vector, atol=1e-7)
+
+
+def slope(arm: Arm, q: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Of half the squared distance to the target's origin."""
+    frames, jac = frames_at(arm, q), np.empty((6, arm.n))
+    k.jacobian(frames, jac)
+    return -jac[:3].T @ frames[-1, :, :3].T @ (target - frames[-1, :, 3])
+
+
+def test_curved_normal_matrix_is_the_second_derivative_of_the_distance(arm: Arm) -> None:
+    random, jac, h = np.random.default_rng(4), np.empty((6, arm.n)), np.empty((arm.n, arm.n))
+    for _ in range(10):
+        q, target = random.uniform(arm.limits.lower, arm.limits.upper), random.normal(size=3)
+        frames = frames_at(arm, q)
+        k.jacobian(frames, jac)
+        k.normal_matrix(jac, np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), 0.0, h)
+        k.curve(jac, frames[-1, :, :3].T @ (target - frames[-1, :, 3]), h)
+        for i, unit in enumerate(1e-6 * np.eye(arm.n)):
+            column = (slope(arm, q + unit, target) - slope(arm, q - unit, target)) / 2e-6
+            np.testing.assert_allclose(h[i], column, atol=1e-7)
+
+
+def test_the_goal_of_a_target_out_of_reach_moves_along_with_it(arm: Arm) -> None:
+    """Once found, a few steps a tick keep it, however slowly first derivatives alone would lead there."""
+    ik = DifferentialIk(arm, 0.004)
+    far, q = frames_at(arm, arm.home)[-1], arm.home.copy()
+    out = far[:, 3] / np.linalg.norm(far[:, 3])
+    frames = np.empty((arm.n + 1, 3, 4))
+    for _ in range(20):
+        far[:, 3] += 0.05 * out
+        k.forward(arm.placements, q, frames)
+        k.descend(arm.placements, ik._limits, ik._tuning, far, q, frames, 100)
+    for _ in range(10):
+        far[:, 3] += 0.002 * out
+        k.forward(arm.placements, q, frames)
+        left, ended = k.descend(arm.placements, ik._limits, ik._tuning, far, q, frames, 4)
+        assert ended
+    assert left > 0.3
 
 
 def test_manipulability(arm: Arm) -> None:
