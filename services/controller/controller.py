@@ -240,10 +240,12 @@ class Controller:
             self._follow(self._dispatcher.at_rest(self._serial, self._now))
 
     def _tell_status(self, state: ArmState, commanded: Array) -> None:
+        slot = self._now // STATUS_PERIOD_NS
+        if slot == self._status_slot and not self._dispatcher.streams:
+            return  # to make a status costs more than the rest of a tick
         status = self._status()
         due = self._dispatcher.due(status, self._now)
         self._output.streams.extend((session, text.decode()) for session, text in due)
-        slot = self._now // STATUS_PERIOD_NS
         if slot != self._status_slot:
             self._status_slot = slot
             self._output.status = status

@@ -241,8 +241,9 @@ class Simulation:
 
     def _check_physics(self) -> None:
         """MuJoCo meets a state that is not finite by starting over, silently: that must not pass for a run."""
+        counts = self.data.warning.number
         for warning in _FATAL_WARNINGS:
-            if self.data.warning[warning].number:
+            if counts[warning]:
                 raise PhysicsError(f"the physics came apart at stamp {self.stamp}: {warning.name}")
 
     def _finish_instant(self) -> None:

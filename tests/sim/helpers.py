@@ -40,11 +40,12 @@ def drive(
     robot: str = "amr1",
     jack: Any = "hold",
 ) -> list[tuple[Topic[Any], Any]]:
-    """Answer every instant with this twist for so long. Returns all that was published meanwhile by the robot."""
-    heard = []
-    for _ in range(round(seconds * 1e9 / INSTANT_NS)):
-        twist = Twist2(linear=linear, angular=angular)
-        simulation.command(robot, ChassisCommand(answers=simulation.stamp, twist=twist, jack=jack))
+    """Answer every instant of the chassis with this twist for so long. Returns all that was published meanwhile."""
+    heard, end = [], simulation.stamp + round(seconds * 1e9)
+    while simulation.stamp < end:
+        if simulation.stamp % INSTANT_NS == 0:
+            twist = Twist2(linear=linear, angular=angular)
+            simulation.command(robot, ChassisCommand(answers=simulation.stamp, twist=twist, jack=jack))
         simulation.step()
         heard += [(o.topic, o.message) for o in simulation.outputs]
     return heard
@@ -52,8 +53,8 @@ def drive(
 
 def coast(simulation: Simulation, seconds: float) -> list[tuple[Topic[Any], Any]]:
     """Let time pass without commands."""
-    heard = []
-    for _ in range(round(seconds * 1e9 / INSTANT_NS)):
+    heard, end = [], simulation.stamp + round(seconds * 1e9)
+    while simulation.stamp < end:
         simulation.step()
         heard += [(o.topic, o.message) for o in simulation.outputs]
     return heard

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from schemas import topics
-from schemas.base import Pose2, Twist2
-from schemas.chassis import ChassisCommand
+from schemas.base import Pose2
 from schemas.motion import ArmCommand, ArmState, FencingToken
 from schemas.world import Place
 from services.sim.arm import Arm
 from services.sim.arm_kinds import arm_file, load_arm_kinds
 from services.sim.errors import RequestRefused, WorldFileError
+from services.sim.profiles import load_profiles
 from services.sim.simulation import Simulation
 from services.sim.worldfile import ARM_INSTANT_NS, World, load_world
 from tests.sim.helpers import EXACT, drive, make_simulation, make_world
@@ -134,6 +134,21 @@ def test_joint_ranges_and_torque_limits_are_those_of_the_file(simulation: Simula
 def test_a_wrong_arm_is_told_with_its_place(place: dict[str, Any], told: str) -> None:
     with pytest.raises(WorldFileError, match=told):
         Simulation(arm_world(**place), {}, 0, EXACT)
+
+
+@pytest.mark.parametrize("name", ["warehouse", "empty", "pick_station"])
+def test_the_arm_of_a_world_stands_free(name: str) -> None:
+    """Nothing can be reached by less than 10 cm of it at home; the pedestal's top is what its base stands on."""
+    world = load_world(name)
+    simulation = Simulation(world, load_profiles(world), 0, EXACT)
+    wait(simulation, 0.1)
+    assert simulation.ledger.count == 0
+    model, data, arm = simulation.model, simulation.data, arm_of(simulation)
+    others = [g for g in range(model.ngeom) if not model.geom(g).name.startswith(("arm1/", "pedestal", "slot/"))]
+    moving = [g for g in arm.geoms if model.geom(g).name != "arm1/base"]
+    near = [(model.geom(g).name, d) for m in moving for g in others
+            if (d := mujoco.mj_geomDistance(model, data, int(m), g, 0.1, None)) < 0.1]  # fmt: skip
+    assert near == []
 
 
 def test_an_arm_needs_a_fast_physics() -> None:
@@ -352,21 +367,10 @@ def test_a_chassis_beside_it_drives_as_ever() -> None:
     """The same commands at the same instants: 20 ms of its own beside the 2 ms of the arm."""
     arms = {"arm1": {"kind": "ur5e", "pose": (0.0, 3.0, 0.0), "mount": 0.6}}
     beside, alone = make_simulation(make_world(arms=arms)), make_simulation(make_world(timestep=0.001))
-    alone_heard = drive(alone, 1.0, linear=0.5, angular=0.2)
-    beside_heard = []
-    while beside.stamp < 1_000_000_000:
-        if beside.stamp % 20_000_000 == 0:
-            beside_heard += drive_once(beside)
-        beside.step()
-    beside_heard += [(o.topic, o.message) for o in beside.outputs if o.robot == "amr1"]
-    stamps = [m.stamp for topic, m in beside_heard if topic is topics.ODOMETRY]
-    assert stamps == [0, *(m.stamp for topic, m in alone_heard if topic is topics.ODOMETRY)]
+    beside_heard, alone_heard = (drive(each, 1.0, linear=0.5, angular=0.2) for each in (beside, alone))
+    stamps = [[m.stamp for topic, m in heard if topic is topics.ODOMETRY] for heard in (beside_heard, alone_heard)]
+    assert stamps[0] == stamps[1]
     np.testing.assert_allclose(beside.robots["amr1"].pose, alone.robots["amr1"].pose, atol=1e-6)
-
-
-def drive_once(simulation: Simulation) -> list[tuple[Any, Any]]:
-    simulation.command("amr1", ChassisCommand(answers=simulation.stamp, twist=Twist2(linear=0.5, angular=0.2)))
-    return [(o.topic, o.message) for o in simulation.outputs if o.robot == "amr1"]
 
 
 # -- flange and gripper ------------------------------------------------------------------------------------------------

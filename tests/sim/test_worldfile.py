@@ -243,7 +243,7 @@ def test_wrong_barn_data_is_told(tmp_path: Path, content: str, number: str, told
         (["--speed", "fast"], "or max"),
         (["--speed", "0"], "above 0"),
         (["--wait-for", "planner"], "want ROBOT/SERVICE"),
-        (["--wait-for", "amr7/planner"], "robots of warehouse: ['amr1']"),
+        (["--wait-for", "amr7/planner"], "robots of warehouse: ['amr1', 'arm1']"),
         (["--profile", "tank"], "known: ['jackal', 'longjack']"),
         (["map", "nowhere"], "'nowhere' is neither a world"),
         (["from-barn", "no.json", "1", "out"], "no.json: cannot be read"),

@@ -1,4 +1,4 @@
-"""A whole cell for a test: router, sim, planner and gateway as real processes, on free ports, with a state of its own.
+"""A whole cell for a test: all its services as real processes, on free ports, with a state of its own.
 
 with Cell(tmp_path, "--speed", "max") as cell:
     httpx.get(f"{cell.http}/healthz")
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,6 +20,8 @@ from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
+
+import yaml
 
 from bus import BusConfig
 from services.launch.cell import CELL_FILE
@@ -37,6 +40,19 @@ T = TypeVar("T")
 def environment() -> dict[str, str]:
     """This process's own, without what a surrounding ``make`` says to another ``make``."""
     return {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS", "ARGS")}
+
+
+def without_arms(folder: Path, world: str = "warehouse") -> str:
+    """A copy of a world in ``folder``, without its arms: what tests that are about driving run in.
+
+    Arms are commanded 250 times a simulated second; in lockstep a cell that has them takes twice as long.
+    """
+    copy = folder / world
+    shutil.copytree(ROOT / "worlds" / world, copy)
+    content = yaml.safe_load((copy / "world.yaml").read_text())
+    del content["arms"]
+    (copy / "world.yaml").write_text(yaml.safe_dump(content))
+    return str(copy)
 
 
 class CellError(AssertionError):
@@ -125,7 +141,7 @@ class Cell:
     # -- processes ---------------------------------------------------------------------------------------------------
 
     def pid(self, service: str) -> int:
-        """The pid of ``router``, ``sim``, ``planner`` or ``gateway`` as last started."""
+        """The pid of ``router``, ``sim``, ``planner``, ``controller`` or ``gateway`` as last started."""
         facts = self._facts() or {"pids": {}}
         if service not in facts["pids"]:
             raise CellError(f"{service} does not run\n{self.tail()}")

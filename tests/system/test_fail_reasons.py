@@ -15,7 +15,7 @@ from schemas.fail_reasons import MoveFailReason as Reason
 from schemas.maps import MapRequest, SelectMap
 from schemas.service import CELL, ServiceId
 from schemas.world import InjectFault, Place, Reset
-from tests.system.cell import Cell
+from tests.system.cell import Cell, without_arms
 from tests.system.driving import Driver, no_go, square, wall
 from tests.system.judge import Judge, standard
 
@@ -24,8 +24,9 @@ ROBOT = "amr1"
 
 @pytest.fixture(scope="module")
 def module_driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    options = ("--world", "empty", "--lockstep", "--speed", "max")
-    with Cell(tmp_path_factory.mktemp("cell"), *options) as cell, Judge(cell.bus) as judge:
+    folder = tmp_path_factory.mktemp("cell")
+    options = ("--world", without_arms(folder, "empty"), "--lockstep", "--speed", "max")
+    with Cell(folder, *options) as cell, Judge(cell.bus) as judge:
         driver = Driver(cell, judge)
         yield driver
         driver.close()

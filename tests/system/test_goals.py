@@ -18,7 +18,7 @@ from scipy.ndimage import distance_transform_edt
 import worlds
 from schemas.base import Pose2
 from schemas.world import Place
-from tests.system.cell import Cell
+from tests.system.cell import Cell, without_arms
 from tests.system.driving import Driver
 from tests.system.judge import Judge, distance, standard, turn
 
@@ -29,8 +29,8 @@ CLEARANCE = 0.7  # m, from a goal to anything: the chassis turns there
 
 
 @pytest.fixture
-def driver(make_cell: Callable[..., Cell]) -> Iterator[Driver]:
-    cell = make_cell("--lockstep", "--speed", "max", "--seed", str(SEED))
+def driver(make_cell: Callable[..., Cell], tmp_path: Path) -> Iterator[Driver]:
+    cell = make_cell("--world", without_arms(tmp_path), "--lockstep", "--speed", "max", "--seed", str(SEED))
     with Judge(cell.bus) as judge:
         driver = Driver(cell, judge)
         yield driver

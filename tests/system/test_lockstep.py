@@ -6,10 +6,11 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from schemas.base import Pose2
 from schemas.world import Pause, Place, Reset
-from tests.system.cell import Cell
+from tests.system.cell import Cell, without_arms
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard
 
@@ -56,8 +57,8 @@ def spin() -> None:
         sum(range(100_000))
 
 
-def test_two_runs_of_one_seed_are_the_same_also_on_a_busy_machine(make_cell: MakeCell) -> None:
-    options = ("--lockstep", "--speed", "max", "--seed", "3")
+def test_two_runs_of_one_seed_are_the_same_also_on_a_busy_machine(make_cell: MakeCell, tmp_path: Path) -> None:
+    options = ("--world", without_arms(tmp_path), "--lockstep", "--speed", "max", "--seed", "3")
     one = make_cell(*options)
     first, state = drive(one, seed=3)
     again, _ = drive(one, seed=3)
@@ -68,6 +69,6 @@ def test_two_runs_of_one_seed_are_the_same_also_on_a_busy_machine(make_cell: Mak
     assert elsewhere == first, "another cell, on a busy machine"
 
 
-def test_another_seed_is_another_run(make_cell: MakeCell) -> None:
-    cell = make_cell("--lockstep", "--speed", "max")
+def test_another_seed_is_another_run(make_cell: MakeCell, tmp_path: Path) -> None:
+    cell = make_cell("--world", without_arms(tmp_path), "--lockstep", "--speed", "max")
     assert drive(cell, seed=1)[0] != drive(cell, seed=2)[0]

@@ -15,7 +15,13 @@ import pytest
 from tests.launch.conftest import alive, gone
 from tests.system.cell import ROOT, Cell
 
-SERVICES = {"router": "cell/router", "sim": "world/sim", "planner": "amr1/planner", "gateway": "cell/gateway"}
+SERVICES = {
+    "router": "cell/router",
+    "sim": "world/sim",
+    "planner": "amr1/planner",
+    "controller": "arm1/controller",
+    "gateway": "cell/gateway",
+}
 MakeCell = Callable[..., Cell]
 
 
@@ -56,7 +62,7 @@ def test_a_second_cell_on_the_same_state_is_refused(cell: Cell) -> None:
     assert "another cell runs on the state folder" in result.stderr
 
 
-@pytest.mark.parametrize("service", ["planner", "sim", "gateway", "router"])
+@pytest.mark.parametrize("service", ["planner", "controller", "sim", "gateway", "router"])
 def test_a_killed_service_comes_back(cell: Cell, service: str) -> None:
     former = cell.kill(service)
     cell.wait_until_restarted(service, former)

@@ -163,6 +163,11 @@ class Dispatcher:
             del self._sessions[client]
         return _turn([self.access.handle(Disconnected(client), now) for client in gone])
 
+    @property
+    def streams(self) -> bool:
+        """Whether anybody is streamed to."""
+        return bool(self._streams)
+
     def due(self, status: MotionStatus, now: int) -> list[tuple[str, bytes]]:
         """The stream events to send now, by session."""
         sessions = [session for session, stream in self._streams.items() if stream.due(status, now)]

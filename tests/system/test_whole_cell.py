@@ -1,0 +1,57 @@
+"""The default cell at work as a whole: the chassis drives and the arm moves, in lockstep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from schemas.world import Pause, Reset
+from services.controller.ik import load_arm
+from tests.system.cell import Cell
+from tests.system.driving import Driver
+from tests.system.judge import Judge, distance, standard
+
+HOME = load_arm("ur5e").home
+GOAL = HOME + 0.25
+SECONDS = 12.0
+ARM = "/motion/arm1/command"
+
+
+def run(cell: Cell) -> tuple[str, dict[str, Any], list[float], list[str]]:
+    """A world begun anew, a move and an arm path from its first instant on.
+
+    Returns the digest after so long, the move, where the arm's joints are, and what has been touched.
+    """
+    with Judge(cell.bus) as judge:
+        driver = Driver(cell, judge)
+        judge.ask(Pause(paused=True))
+        former = judge.inspect().clock.run
+        judge.ask(Reset(seed=3))
+        driver.wait(lambda world: world.clock.run != former and world.clock.stamp == 0, "another run")
+        driver.wait(lambda world: {"amr1/planner", "arm1/controller"} <= set(world.participants), "both have joined")
+        cell.wait_for(lambda: status if (status := arm_status(driver))["status"] == "initialize" else None, "a state")
+        move = driver.post(standard(6.0, 1.5, 0.0))
+        path = {"command": "appendPath", "type": "joints", "data": [(HOME + 0.1).tolist(), GOAL.tolist()]}
+        assert driver.request("POST", ARM, {"priority": 10, **path})["message"]["value"] is True
+        world = judge.advance(SECONDS)
+        joints = arm_status(driver)["jointPositions"]["value"]
+        result = world.digest, driver.move(move), joints, [f"{row.robot}-{row.other}" for row in world.contacts]
+        assert distance(judge.true_pose("amr1"), 6.0, 1.5) < 0.06
+        driver.close()
+        return result
+
+
+def arm_status(driver: Driver) -> dict[str, Any]:
+    return dict(driver.request("POST", ARM, {"command": "getStatus"})["message"])
+
+
+def test_a_move_and_an_arm_path_at_the_same_time_twice_the_same(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell("--lockstep", "--speed", "max")
+    digest, move, joints, touched = run(cell)
+    assert move["state"] == "succeeded", move
+    np.testing.assert_allclose(joints, GOAL, atol=1e-4)
+    assert touched == []
+    again, *_ = run(cell)
+    assert again == digest
