@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 # Entries of the vector of tuning.
-DT, WEIGHTS, DAMPING, LM_DAMPING, SINGULAR_DAMPING, SINGULAR_AT, TUNING = 0, 1, 7, 8, 9, 10, 11
+DT, WEIGHTS, DAMPING, LM_DAMPING, SINGULAR_DAMPING, SINGULAR_AT, LEAP, TUNING = 0, 1, 7, 8, 9, 10, 11, 12
 # Entries of what a tick reports.
 SCALE, MEASURE, ERROR_LINEAR, ERROR_ANGULAR, SOLVER, ITERATIONS, REPORT = 0, 1, 2, 3, 4, 5, 6
 NONE, CHOLESKY, BOX, ROWS = 0, 1, 2, 3
@@ -267,10 +267,10 @@ def walk_faces(h, c, lower, upper, x):  # type: ignore[no-untyped-def]
 def position_box(limits, q, dt, lower, upper):  # type: ignore[no-untyped-def]
     """Fill the velocities from which every joint still can stop before its limit, cut with the velocity limits.
 
-    `limits` (4, n): lower, upper, velocity, acceleration. The discrete braking bound max(0, √(2ad) - a dt/2): braking
-    fully from it stays within the bound of the next tick, and short of the limit. The box always holds 0."""
+    `limits` as `servo.limit_table` makes them. The discrete braking bound max(0, √(2ad) - a dt/2): braking fully from
+    it stays within the bound of the next tick, and short of the limit. The box always holds 0."""
     for i in range(q.shape[0]):
-        a = limits[3, i]
+        a = limits[5, i]
         down = max(0.0, math.sqrt(2.0 * a * max(0.0, q[i] - limits[0, i])) - 0.5 * a * dt)
         up = max(0.0, math.sqrt(2.0 * a * max(0.0, limits[1, i] - q[i])) - 0.5 * a * dt)
         lower[i], upper[i] = -min(down, limits[2, i]), min(up, limits[2, i])
@@ -470,9 +470,10 @@ def tick(placements, limits, tuning, wish, q, v, target, twist, goals, frames, h
     scale, reach = braked(step, limits[2], limits[3], dt), 1.0
     if scale < 1.0 or np.max(np.abs(error - jac @ step)) > 0.1 * REACH:
         remains = look_ahead(placements, limits, tuning, q, frames, target, goals)
-        step[:] = goals[0] - q
-        reach = max(0.0, 1.0 - remains / REACH)
-        scale = min(braked(step, limits[2], limits[3], dt), reach + (1.0 - reach) * SETTLING * dt)
+        if np.max(np.abs(goals[0] - q)) <= tuning[LEAP]:
+            step[:] = goals[0] - q
+            reach = max(0.0, 1.0 - remains / REACH)
+            scale = min(braked(step, limits[2], limits[3], dt), reach + (1.0 - reach) * SETTLING * dt)
     for r in range(3):
         feed[r] = tool[0, r] * twist[0] + tool[1, r] * twist[1] + tool[2, r] * twist[2]
         feed[r + 3] = tool[0, r] * twist[3] + tool[1, r] * twist[4] + tool[2, r] * twist[5]

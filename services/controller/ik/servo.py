@@ -23,6 +23,7 @@ from . import kernels as k
 from .arm import Arm
 from .collision import Zone, build_table, collision_rows, stop_is_clear
 from .objectives import Objectives
+from .pace import pace
 from .rowqp import RowSolver
 
 Array = NDArray[np.float64]
@@ -79,7 +80,8 @@ class DifferentialIk:
             raise ValueError(f"dt must be between 0 and 0.1 s, is {dt}")
         self.arm, self.dt = arm, dt
         self.objectives = Objectives(arm, blend_time)
-        self._limits = limit_table(arm)
+        self._limits, self._held_limits = limit_table(arm), limit_table(arm)
+        self._held_limits[5] *= _HELD_BRAKING
         self.settings = settings or Settings()
         n = arm.n
         self._frames, self._report = np.empty((n + 1, 3, 4)), np.empty(k.REPORT)
@@ -97,8 +99,8 @@ class DifferentialIk:
     def settings(self, new: Settings) -> None:
         weights = [new.position_weight] * 3 + [new.rotation_weight] * 3
         tail = [new.damping, new.far_damping, new.singular_damping, new.low_manipulability]
-        self._tuning = np.array([self.dt, *weights, *tail])
-        if not (np.all(np.isfinite(self._tuning)) and np.all(self._tuning >= 0.0) and new.damping > 0.0):
+        self._tuning = np.array([self.dt, *weights, *tail, np.inf])
+        if not (np.all(np.isfinite(self._tuning[: k.LEAP])) and np.all(self._tuning >= 0.0) and new.damping > 0.0):
             raise ValueError(f"weights and dampings must be finite and not negative, damping positive: {new}")
         self._settings = new
 
@@ -114,20 +116,30 @@ class DifferentialIk:
         """Pose (3, 4) = [R | p] of the tool in the base frame."""
         return forward(self.arm, q)
 
-    def step(self, q: Array, v: Array, target: Array | None = None, twist: Array | None = None) -> Step:
+    def pace(self, q: Array, v: Array, twist: Array) -> float:
+        """The factor 0 … 1 by which to slow `twist` (6,), base axes at the tool, so that from `q` on the joints can
+        follow it on its line: for velocities that are held, which do not know what lies ahead."""
+        return float(pace(self.arm.placements, self._held_limits, self._tuning, q, v, twist))
+
+    def step(
+        self, q: Array, v: Array, target: Array | None = None, twist: Array | None = None, held: bool = False
+    ) -> Step:
         """One tick from commanded position `q` and velocity `v` (n,).
 
         `target` (3, 4) is where the tool ought to be *now*, `twist` (6,) [m/s, rad/s] how the target moves during the
         coming period, linear part first, axes of the base, point at the tool. No target: only the twist is followed,
-        from wherever the tool is.
+        from wherever the tool is. `held`: the target moves as `pace` lets a held velocity; the joints then brake for
+        the end of their range early enough that the tool stays on its line, and take no other posture to get on.
         """
         if target is None:
             target = forward(self.arm, q)
         wish = self.objectives.velocity(q) if self.objectives.advance(self.dt) else self._no_wish
         twist = self._no_twist if twist is None else twist
         out, report = self._out, self._report
+        self._tuning[k.LEAP] = _LEAP if held else np.inf
+        limits = self._held_limits if held else self._limits
         k.tick(
-            self.arm.placements, self._limits, self._tuning, wish, q, v, target, twist, self._goal,
+            self.arm.placements, limits, self._tuning, wish, q, v, target, twist, self._goal,
             self._frames, self._h, self._box, out, report,
         )  # fmt: skip
         scale, measure, linear, angular, solver, iterations = report.tolist()
@@ -177,6 +189,8 @@ class DifferentialIk:
 
 _SOLVERS = tuple(Solver)
 _BACKING = 12  # projections onto the worst row
+_HELD_BRAKING = 0.5  # share of their acceleration with which joints brake for the end of their range
+_LEAP = 0.05  # [rad] farther away is another posture
 # Codes in CRF's order of severity, and the tuple for every combination, so that a tick builds none.
 _SINGULAR, _OFF_TARGET, _UNPROVEN, _HELD = 1, 2, 4, 8
 _ORDER = (
@@ -189,9 +203,10 @@ _CODES = tuple(tuple(code for bit, code in _ORDER if flags & bit) for flags in r
 
 
 def limit_table(arm: Arm) -> Array:
-    """Limits as the kernels read them, (5, n): lower, upper, velocity, acceleration, home."""
+    """Limits as the kernels read them, (6, n): lower, upper, velocity, acceleration, home, and the acceleration with
+    which joints brake for the end of their range."""
     limits = arm.limits
-    return np.vstack([limits.lower, limits.upper, limits.velocity, limits.acceleration, arm.home])
+    return np.vstack([limits.lower, limits.upper, limits.velocity, limits.acceleration, arm.home, limits.acceleration])
 
 
 def forward(arm: Arm, q: Array) -> Array:

@@ -34,7 +34,7 @@ CommandMode = Literal["position", "velocity", "torque"]
 
 AT_REST = 1e-6  # rad/s commanded
 _TASK_JERK_TIME = 0.05  # seconds in which a task velocity's acceleration may build up
-_LEASH = np.array([1e-3] * 3 + [5e-3] * 3)  # m, rad: how far a tool that cannot follow stays behind its target
+_LEASH = np.array([2e-4] * 3 + [1e-3] * 3)  # m, rad: how far a tool that cannot follow stays behind its target
 _STOP = "stop"
 
 
@@ -247,26 +247,27 @@ class Mover:
         else:
             acceleration = self.profile.task_acceleration
             wish = self._ramp.step(active.values, acceleration, acceleration / _TASK_JERK_TIME, self.period)
-            wish = self._leashed(wish)
-            self._solve(self._target, wish, codes)
+            wish = self._ramp.slow(self.solver.pace(self.q, self.v, wish))
+            wish = self._ramp.slow(self._slack(wish))
+            self._solve(self._target, wish, codes, held=True)
             self._target = _advanced(self._target, wish * self.period)
         if over and np.abs(wish).max() <= AT_REST:
             self.time += self.period
             self._brake(hard=False)
             self.time -= self.period
 
-    def _leashed(self, twist: Array) -> Array:
-        """``twist``, slower the farther the tool is behind the target it leads away: at limits and singularities the
-        target waits, and turning back is followed at once."""
+    def _slack(self, twist: Array) -> float:
+        """What part of ``twist`` the target may make, 0 … 1: less the farther behind the tool is. At limits and
+        singularities the target waits, and turning back is followed at once."""
         target = Pose(self._target[:, 3], self._target[:, :3])
         behind = pose_error(self.kinematics.forward(self.q), target) / _LEASH
         if behind @ (twist / _LEASH) <= 0:
-            return twist
-        return np.asarray(twist * max(0.0, 1.0 - float(np.linalg.norm(behind))))
+            return 1.0
+        return max(0.0, 1.0 - float(np.linalg.norm(behind)))
 
-    def _solve(self, target: Array, twist: Array, codes: set[CrfCode]) -> None:
+    def _solve(self, target: Array, twist: Array, codes: set[CrfCode], held: bool = False) -> None:
         with self.solver_meter.measure():
-            step = self.solver.step(self.q, self.v, target, twist)
+            step = self.solver.step(self.q, self.v, target, twist, held)
         self.solver_iterations = max(self.solver_iterations, step.iterations)
         codes.update(step.codes)
         self._integrate(step.velocity)

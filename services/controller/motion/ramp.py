@@ -40,6 +40,11 @@ class Ramp:
         self.velocity = self.velocity + self.acceleration * dt
         return self.velocity
 
+    def slow(self, factor: float) -> Array:
+        """Only this part of the velocity can be had, 0 … 1: from there it goes on. Returns it."""
+        self.velocity, self.acceleration = factor * self.velocity, factor * self.acceleration
+        return self.velocity
+
     def cut(self, velocity: Array) -> None:
         """Something else allowed only ``velocity``: from there it goes on, without the acceleration that was cut."""
         self.acceleration = np.where(velocity == self.velocity, self.acceleration, 0.0)
