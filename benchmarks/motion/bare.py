@@ -1,0 +1,71 @@
+"""A round trip of bytes over bare Zenoh to another process, at a driver's pace.
+
+python -m benchmarks.motion.bare ENDPOINT SIZE      is that other process
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from types import TracebackType
+
+import zenoh
+
+from bus import BusConfig
+
+PING, PONG = "rackhand/bench/motion/ping", "rackhand/bench/motion/pong"
+SETTINGS = {"express": True, "congestion_control": zenoh.CongestionControl.BLOCK}
+
+
+class BareEcho:
+    """Bytes of one size out, of another size back. ``times`` [s] of all round trips."""
+
+    def __init__(self, config: BusConfig, out: int, back: int) -> None:
+        self._config, self._payload, self._back = config, bytes(out), back
+        self.times: list[float] = []
+        self._stack = ExitStack()
+
+    def __enter__(self) -> BareEcho:
+        argv = [sys.executable, "-m", "benchmarks.motion.bare", self._config.connect, str(self._back)]
+        self._echo = subprocess.Popen(argv)
+        session = self._stack.enter_context(zenoh.open(self._config.zenoh_config()))
+        self._pongs = session.declare_subscriber(PONG, zenoh.handlers.FifoChannel(16))
+        self._pings = session.declare_publisher(PING, **SETTINGS)
+        while self._pings.matching_status.matching is False:
+            time.sleep(0.05)
+        self.ping_for(0.5, 0.002)
+        self.times.clear()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._echo.terminate()
+        self._stack.close()
+        self._echo.wait(10)
+
+    def ping_for(self, seconds: float, period: float) -> None:
+        """One round trip a period, by the absolute clock."""
+        begun = time.perf_counter()
+        for i in range(round(seconds / period)):
+            time.sleep(max(0.0, begun + i * period - time.perf_counter()))
+            sent = time.perf_counter()
+            self._pings.put(self._payload)
+            self._pongs.recv().payload.to_bytes()
+            self.times.append(time.perf_counter() - sent)
+
+
+def echo(endpoint: str, size: int) -> None:
+    payload = bytes(size)
+    with zenoh.open(BusConfig(connect=endpoint).zenoh_config()) as session:
+        pings = session.declare_subscriber(PING, zenoh.handlers.FifoChannel(16))
+        pong = session.declare_publisher(PONG, **SETTINGS)
+        for sample in pings:
+            sample.payload.to_bytes()
+            pong.put(payload)
+
+
+if __name__ == "__main__":
+    echo(sys.argv[1], int(sys.argv[2]))

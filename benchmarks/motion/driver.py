@@ -1,0 +1,122 @@
+"""A perfect arm as a driver of its own: states by the absolute clock, commands taken as they come.
+
+Like a real robot it publishes neither a world's clock nor a presence. Its time is the number of states it has told, so
+that it may pause between two turns without anybody noticing.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from bus import Bus, Sample
+from schemas import topics
+from schemas.codec import codec_for
+from schemas.motion import ArmCommand, ArmState, FencingToken
+from schemas.service import ServiceId
+from services.controller.ik import load_arm
+
+if TYPE_CHECKING:
+    from benchmarks.motion.cell import MotionCell
+
+ARM = "arm1"
+STATE_PERIOD = 0.002  # [s]
+_STATE_NS = 2_000_000
+
+
+class Driver:
+    """The driver of ``arm1``. ``moved``: when [s, perf_counter] a command first differed from the one before it."""
+
+    def __init__(self, cell: MotionCell) -> None:
+        self._bus = Bus(ServiceId("driver", ARM), cell.bus)
+        n = cell.joints
+        self._q, self._dq, self._still = tuple(load_arm_home(n)), (0.0,) * n, (0.0,) * n
+        self._stamp = 0
+        self._newest = -1  # the stamp that the command in force answers
+        self._told: dict[int, float] = {}  # stamp → when it was published, of those recorded
+        self._answered: dict[int, float] = {}
+        self.moved: float | None = None
+
+    def __enter__(self) -> Driver:
+        bus = self._bus.__enter__()
+        self._states = bus.publisher(topics.ARM_STATE, ARM)
+        self._inbox = bus.inbox().subscribe(topics.ARM_COMMAND, ARM)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bus.__exit__(kind, error, trace)
+
+    @property
+    def is_answered(self) -> bool:
+        return self._newest >= 0
+
+    @property
+    def stands(self) -> bool:
+        return not any(self._dq)
+
+    def run_for(self, seconds: float, record: bool = False) -> None:
+        """Be there for so long. With ``record`` every state of this time counts, the last ones until their answer is
+        due."""
+        count = round(seconds / STATE_PERIOD)
+        begun = time.perf_counter()
+        for i in range(count + 10):
+            self._listen_until(begun + i * STATE_PERIOD)
+            self._tell(record and i < count)
+
+    def _tell(self, record: bool) -> None:
+        self._stamp += _STATE_NS
+        state = ArmState(stamp=self._stamp, q=self._q, dq=self._dq, efforts=self._still, wrench=(0.0,) * 6)
+        if record:
+            self._told[self._stamp] = time.perf_counter()
+        self._states.put(state)
+
+    def _listen_until(self, due: float) -> None:
+        while True:
+            event = self._inbox.get(max(0.0, due - time.perf_counter()))
+            if isinstance(event, Sample):
+                self._take(event.message, time.perf_counter())
+            elif time.perf_counter() >= due:
+                return
+
+    def _take(self, command: ArmCommand, now: float) -> None:
+        self._answered.setdefault(command.answers, now)
+        if command.mode != "position" or command.answers <= self._newest:
+            return
+        gap = (command.answers - self._newest) * 1e-9
+        dq = tuple((new - old) / gap for new, old in zip(command.values, self._q, strict=True))
+        if self.moved is None and self._newest >= 0 and any(abs(v) > 1e-9 for v in dq):
+            self.moved = now
+        self._q, self._newest = tuple(command.values), command.answers
+        self._dq = dq if any(abs(v) > 1e-9 for v in dq) else self._still
+
+    def latencies(self, period: float) -> list[float]:
+        """Seconds from state to command for the states that ask for one, the first of each period; inf if none came."""
+        every = round(period * 1e9)
+        asked = [stamp for stamp in sorted(self._told) if stamp % every == 0]
+        return [self._answered.get(stamp, math.inf) - self._told[stamp] for stamp in asked]
+
+    @property
+    def position(self) -> tuple[float, ...]:
+        return self._q
+
+    def sizes(self) -> tuple[int, int]:
+        return self.sizes_of(len(self._q))
+
+    @staticmethod
+    def sizes_of(joints: int) -> tuple[int, int]:
+        """Bytes of a state and of a command."""
+        values = tuple(0.1 * (i + 1) for i in range(joints))
+        state = ArmState(stamp=10**10, q=values, dq=values, efforts=values, wrench=(0.1,) * 6)
+        token = FencingToken(epoch="0123456789abcdef", lease=1)
+        command = ArmCommand(answers=10**10, mode="position", values=values, token=token)
+        return len(codec_for(ArmState).dumps(state)), len(codec_for(ArmCommand).dumps(command))
+
+
+def load_arm_home(joints: int) -> list[float]:
+    """Home of the default arm with so many joints."""
+    home: list[float] = load_arm("ur5e" if joints == 6 else "fr3").home.tolist()
+    return home

@@ -1,0 +1,53 @@
+"""``python -m benchmarks.motion.timed_sim RECORD [arguments of services.sim]``: the simulator, which also notes when it
+publishes an arm state and when it has read the command that answers it, and leaves both in RECORD when it ends.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from bus import Event, Sample
+from schemas import topics
+from schemas.topics import Topic
+from services.sim import __main__ as program
+from services.sim.service import SimService
+
+told: dict[int, float] = {}
+answered: dict[int, float] = {}
+
+
+class TimedSim(SimService):
+    """Notes the first telling of each state and the first command that answers it."""
+
+    def _tell(self, topic: Topic[Any], robot: str, message: Any) -> None:
+        if topic is topics.ARM_STATE:
+            told.setdefault(message.stamp, time.perf_counter())
+        super()._tell(topic, robot, message)
+
+    def _handle(self, event: Event) -> None:
+        if isinstance(event, Sample) and event.topic is topics.ARM_COMMAND:
+            answered.setdefault(event.message.answers, time.perf_counter())
+        super()._handle(event)
+
+
+def read_latencies(record: Path, rate: int, seconds: float) -> list[float]:
+    """Seconds from state to command (inf: never) over the last ``seconds`` but one of those that ask for a command."""
+    notes = json.loads(record.read_text())
+    period, answers = 10**9 // rate, dict(notes["answered"])
+    asked = [(stamp, at) for stamp, at in notes["told"] if stamp % period == 0]
+    end = max(at for _, at in asked) - 1.0
+    return [answers.get(stamp, math.inf) - at for stamp, at in asked if end - seconds <= at <= end]
+
+
+if __name__ == "__main__":
+    record = Path(sys.argv.pop(1))
+    program.SimService = TimedSim  # type: ignore[misc]
+    try:
+        program.app(prog_name="python -m services.sim")
+    finally:
+        record.write_text(json.dumps({"told": list(told.items()), "answered": list(answered.items())}))
