@@ -167,6 +167,13 @@ class SetParameters(ControlRequest):
     data: dict[str, Any]
 
 
+class SetGripper(ControlRequest):
+    """Extension: switches the gripper's suction. It neither stops nor queues motion."""
+
+    command: Literal["setGripper"]
+    suction: bool
+
+
 class StartJointsControl(ControlRequest):
     command: Literal["startJointsControl", "startJointsControlLoop"]
 
@@ -210,7 +217,7 @@ class StopHeartbeat(Request):
 
 REQUESTS: tuple[type[Request], ...] = (
     LockControl, UnlockControl, ResumeControl, AppendJointsPath, AppendTaskPath, SetVelocity, SetTorque,
-    SetProfileVelocity, SetProfileAcceleration, SoftStop, HardStop, SetParameters, StartJointsControl,
+    SetProfileVelocity, SetProfileAcceleration, SoftStop, HardStop, SetParameters, SetGripper, StartJointsControl,
     StartTaskControl, GetStatus, GetConfiguration, StartStreamStatus, StopStreamStatus, StartHeartbeat, Heartbeat,
     StopHeartbeat,
 )  # fmt: skip

@@ -102,6 +102,13 @@ class Holder(CrfMessage):
     lease_age: float
 
 
+class Gripper(Message):
+    """A suction gripper: whether its pump is on, and whether it holds something that seals its cup."""
+
+    suction: bool
+    holding: bool
+
+
 class MotionStatus(CrfMessage):
     """The answer to ``getStatus`` and the content of a ``streamStatus`` event."""
 
@@ -124,6 +131,7 @@ class MotionStatus(CrfMessage):
     epoch: str | None = Field(None, description="extension: changes when the controller restarts")
     holder: Holder | None = Field(None, description="extension")
     stopped_by: str | None = Field(None, description="extension: the client whose stop is latched")
+    gripper: Gripper | None = Field(None, description="extension, of an arm that has one")
 
     @model_validator(mode="after")
     def _sorted(self) -> Self:
@@ -320,13 +328,15 @@ class FencingToken(Message):
 
 
 class ArmState(Message):
-    """What an arm's driver measures: rad, rad/s, N·m, one entry a joint; wrench at the flange in its frame."""
+    """What an arm's driver measures: rad, rad/s, N·m, one entry a joint; wrench at the flange in its frame; the gripper
+    of an arm that has one."""
 
     stamp: Stamp
     q: Numbers
     dq: Numbers
     efforts: Numbers
     wrench: Vec6
+    gripper: Gripper | None = None
 
     @model_validator(mode="after")
     def _same_length(self) -> Self:
@@ -336,12 +346,17 @@ class ArmState(Message):
 
 
 class ArmCommand(Message):
-    """What the driver is to do: rad, rad/s or N·m (gravity is the driver's). ``answers``: stamp of the state used."""
+    """What the driver is to do: rad, rad/s or N·m (gravity is the driver's). ``answers``: stamp of the state used.
+
+    ``suction`` switches the gripper, and stays in force when commands fall silent: a driver stops motion then, but
+    drops nothing.
+    """
 
     answers: Stamp
     mode: Literal["position", "velocity", "torque"]
     values: Annotated[Numbers, Field(min_length=1)]
     token: FencingToken
+    suction: bool = False
 
 
 class ArmModel(Message):

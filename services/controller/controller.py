@@ -50,6 +50,7 @@ from services.controller.trajectory.queue import Leg
 
 STATUS_PERIOD_NS = 40_000_000
 STANDSTILL = 0.05  # rad/s measured
+GRIPPER_COMMANDS = frozenset({"setGripper"})
 
 
 @dataclass
@@ -102,6 +103,7 @@ class Controller:
         self._lockstep = False
         self._status_slot = -1
         self._serial = self._reported = 0
+        self._suction: bool | None = None
 
     # -- what is heard ------------------------------------------------------------------------------------------------
 
@@ -178,6 +180,7 @@ class Controller:
         self._tick = now
         t = self._time(now)
         self._observer.see(state)
+        self._see_gripper(state)
         self._follow(self._dispatcher.tick(now))
         if self._guard.expired(now):
             self.mover.silence()
@@ -193,7 +196,13 @@ class Controller:
         self._hop.raise_to(token)
         if not self._hop.admit(token, now):
             raise AssertionError(f"a command of {token} after {self._hop.newest}")
-        return ArmCommand(answers=now, mode=mode, values=tuple(values), token=token)
+        return ArmCommand(answers=now, mode=mode, values=tuple(values), token=token, suction=bool(self._suction))
+
+    def _see_gripper(self, state: ArmState) -> None:
+        """What it was doing before this controller came it goes on doing: to drop a load is worse than to hold it."""
+        if self._suction is None:
+            self._suction = state.gripper is not None and state.gripper.suction
+        self._dispatcher.not_offered = frozenset() if state.gripper is not None else GRIPPER_COMMANDS
 
     def _time(self, stamp: int) -> float:
         """Seconds since the first tick, in whole periods: so that times of ticks compare."""
@@ -341,6 +350,10 @@ class Controller:
                     self.mover.tuning.apply(parameters_of(request).controller)
                 except ParametersRefused as refused:
                     return Expected[bool].failed(refused.code), str(refused)
+            case crf.SetGripper(suction=suction):
+                if wrong := self._cannot_move():
+                    return wrong
+                self._suction = suction
             case crf.StartJointsControl() | crf.StartTaskControl():
                 if wrong := self._cannot_move():
                     return wrong

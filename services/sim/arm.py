@@ -8,9 +8,9 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from schemas.motion import ArmCommand, ArmState
+from schemas.motion import ArmCommand, ArmState, Gripper
 from services.sim.arm_kinds import ArmKind
-from services.sim.arm_model import CUP, FORCE, SUCTION, SUCTION_FORCE, TORQUE
+from services.sim.arm_model import CUP, FORCE, GRIPPER_LENGTH, MOUTH, SUCTION, SUCTION_FORCE, TOOL, TORQUE
 from services.sim.arm_servo import (
     HOLD,
     POSITION,
@@ -61,7 +61,8 @@ class Arm:
         self._find_addresses()
         self.limits = self._read_limits()
         self._check_home(home)
-        self.suction = False  # whether the gripper's pump is on; no topic says so yet
+        # Whether the gripper's pump is on, and whether something seals its cup so that it pulls.
+        self._suction = self._holding = False
         self._fence = Fence()
         self._order: Order | None = None
         self._taken: Order | None = None  # the order that the present segment follows
@@ -103,8 +104,9 @@ class Arm:
         )
         self._force, self._moment = (int(model.sensor(prefix + kind).adr[0]) for kind in (FORCE, TORQUE))
         names = {model.actuator(i).name: i for i in range(model.nu)}
-        self._suction = names.get(prefix + SUCTION)
-        self._cup = -1 if self._suction is None else int(model.geom(prefix + CUP).id)
+        self._pump = names.get(prefix + SUCTION)
+        self._cup = -1 if self._pump is None else int(model.geom(prefix + CUP).id)
+        self._tool = int(model.site(prefix + TOOL).id)
         geoms = [i for i in range(model.ngeom) if model.geom(i).name.startswith(prefix)]
         # What the cup touches it is meant to touch.
         self.geoms = np.array([i for i in geoms if model.geom(i).name != prefix + CUP])
@@ -137,6 +139,7 @@ class Arm:
         """Take a command. False if it is malformed, or of a grant that a newer one replaced."""
         if self.fault_of(command) or not self._fence.admit(command.token, command.answers):
             return False
+        self._suction = command.suction
         values, before = np.array(command.values), self._order
         if command.mode == "position":
             values = np.clip(values, self.limits.lower, self.limits.upper)
@@ -152,7 +155,7 @@ class Arm:
         return True
 
     def silence(self) -> None:
-        """Nobody commands it any more: it brakes at once."""
+        """Nobody commands it any more: it brakes at once. What its gripper holds it goes on holding."""
         self._order = None
 
     # -- what it does ------------------------------------------------------------------------------------------------
@@ -181,8 +184,9 @@ class Arm:
             hold_to(self._reference, self._now, self.limits, self._step, self._torque)
         control = self._data.ctrl
         control[self._motors] = self._torque
-        if self._suction is not None:
-            control[self._suction] = float(self.suction)
+        if self._pump is not None:
+            self._holding = self._suction and self._is_sealed()
+            control[self._pump] = float(self._holding)
 
     def _plan(self, mode: Mode, order: Order | None, is_new: bool) -> None:
         """The next segment, from the present reference on. A command that is not new has ended its stream."""
@@ -192,22 +196,26 @@ class Arm:
         passing = order.velocity if order is not None and is_new else self._none
         plan(self._reference, _PLANS.get(mode, HOLD), values, passing, self.limits, duration)
 
-    def _pull(self) -> Array:
-        """The force of the suction on what the cup touches, along the cup's axis."""
-        touches = self.suction and bool((self._data.contact.geom == self._cup).any())
-        return np.array([0.0, 0.0, SUCTION_FORCE if touches else 0.0])
+    def _is_sealed(self) -> bool:
+        """Whether something lies at the mouth of the cup; at its side it would only draw air."""
+        contact, tool = self._data.contact, self._tool
+        at = contact.pos[(contact.geom == self._cup).any(axis=1)] - self._data.site_xpos[tool]
+        return bool((at @ self._data.site_xmat[tool][2::3] > GRIPPER_LENGTH - MOUTH).any())
 
     # -- what it measures --------------------------------------------------------------------------------------------
 
     def state(self, stamp: int) -> ArmState:
         """``efforts`` are the motors' torques; ``wrench`` is what the tool (its weight included) does to the flange."""
         sensed = self._data.sensordata
-        # MuJoCo's sensors measure what the flange does to the tool, and leave out the pull of an adhesion.
+        # MuJoCo's sensors measure what the flange does to the tool, and leave out the pull of an adhesion, which acts
+        # along the cup's axis.
+        pull = np.array([0.0, 0.0, SUCTION_FORCE if self._holding else 0.0])
         force, moment = -sensed[self._force : self._force + 3], -sensed[self._moment : self._moment + 3]
         return ArmState(
             stamp=stamp,
             q=tuple(self._now.position.tolist()),
             dq=tuple(self._now.velocity.tolist()),
             efforts=tuple(self._torque.tolist()),
-            wrench=(*(force + self._pull()).tolist(), *moment.tolist()),
+            wrench=(*(force + pull).tolist(), *moment.tolist()),
+            gripper=None if self._pump is None else Gripper(suction=self._suction, holding=self._holding),
         )

@@ -1,4 +1,4 @@
-"""A world's data as a MuJoCo model: floor, statics, racks, chargers, chassis, slots for what is placed later."""
+"""A world's data as a MuJoCo model: floor, statics, racks, items, chargers, chassis, slots for what is placed later."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.sim.arm_model import add_arm
 from services.sim.chassis_model import add_chassis
 from services.sim.geometry import Shape, charger_shapes, static_shapes
 from services.sim.profiles import Profile
-from services.sim.worldfile import Rack, RackKind, World
+from services.sim.worldfile import Item, Rack, RackKind, World
 
 # How many things of each kind can be placed at run time. Slots are compiled in, because compiling anew would
 # put everything that moves to sleep, and cost some 50 ms.
@@ -47,6 +47,8 @@ def build_model(world: World, profiles: Mapping[str, Profile], kinds: Mapping[st
             _add_static(spec, f"{name}#{i}", shape)
     for name, rack in world.racks.items():
         _add_rack(spec, name, rack, world.rack_kinds[rack.kind])
+    for name, item in world.items.items():
+        _add_item(spec, name, item, world.underside(item))
     for robot, profile in profiles.items():
         add_chassis(spec, robot, profile, world.robots[robot].pose)
     for arm, arm_kind in kinds.items():
@@ -126,6 +128,23 @@ def _add_rack(spec: Any, name: str, rack: Rack, kind: RackKind) -> None:
             rgba=colour,
         )
         _apply(leg, layers.RACK)
+
+
+def _add_item(spec: Any, name: str, item: Item, underside: float) -> None:
+    x, y, yaw = item.pose
+    length, width, height = item.size
+    body = spec.worldbody.add_body(name=name, pos=[x, y, underside + height / 2], quat=yaw_quaternion(yaw))
+    body.add_freejoint()
+    geom = body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[length / 2, width / 2, height / 2],
+        mass=item.mass,
+        rgba=[*item.colour, 1],
+        condim=4,  # a cup that holds it by one side holds it against turning, too
+        friction=[0.8, 0.02, 0.0001],
+    )
+    _apply(geom, layers.ITEM)
 
 
 def _add_slot(spec: Any, kind: str, index: int) -> None:

@@ -22,7 +22,7 @@ from services.sim import scenery
 from services.sim.arm import Arm
 from services.sim.arm_kinds import load_arm_kinds
 from services.sim.errors import PhysicsError, RequestRefused, WorldFileError, unknown
-from services.sim.layers import ARM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
+from services.sim.layers import ARM_BIT, ITEM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
 from services.sim.ledger import ContactLedger
 from services.sim.movers import Walker, is_in_way, make_route
 from services.sim.noise import NoiseSettings
@@ -338,14 +338,16 @@ class Simulation:
 
     def _touched(self, robot: Robot) -> str | None:
         """The name of something that the robot's body meets where it is, if there is any."""
-        others = np.flatnonzero(self.model.geom_contype & (STATIC_BIT | RACK_BIT | ROBOT_BIT | OBSTACLE_BIT | ARM_BIT))
+        bodies = STATIC_BIT | RACK_BIT | ROBOT_BIT | OBSTACLE_BIT | ARM_BIT | ITEM_BIT
+        others = np.flatnonzero(self.model.geom_contype & bodies)
         geom = hull_touches(self.model, self.data, robot.hull, others[others != robot.hull])
         return None if geom is None else self._owner(geom)
 
     def _check_name(self, name: str) -> None:
         if not re.fullmatch(r"[\w.-]{1,60}", name):
             raise RequestRefused("invalid", f"name {name!r}: want 1 … 60 letters, digits, '_', '-' or '.'")
-        if name in {*self.robots, *self.arms, *self.world.racks, *self.world.statics, *self.world.chargers}:
+        world = self.world
+        if name in {*self.robots, *self.arms, *world.racks, *world.items, *world.statics, *world.chargers}:
             raise RequestRefused("invalid", f"{name!r} is the name of something else in this world")
 
     def _robot(self, name: str) -> Robot:

@@ -6,6 +6,7 @@ Things are named mappings, so that an error reads ``movers.anna.motion.walk: …
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -98,6 +99,39 @@ class RackKind(Data):
 class Rack(Data):
     kind: str
     pose: PoseTuple
+
+
+class Item(Data):
+    """A box l×w×h (m, kg) that can be lifted and carried; ``pose`` is that of its middle. It lies on top of the box or
+    rack named ``lies_on``; where none is, its underside is ``z`` above the floor.
+    """
+
+    size: Size3
+    pose: PoseTuple
+    lies_on: str | None = None
+    z: Annotated[float, Field(ge=0)] = 0.0
+    mass: Positive = 0.5
+    colour: tuple[float, float, float] = (0.72, 0.55, 0.36)
+
+    @model_validator(mode="after")
+    def _height_once(self) -> Item:
+        if self.lies_on is not None and self.z > 0:
+            raise ValueError(f"lies_on {self.lies_on!r} and z {self.z:g}: want one of the two")
+        return self
+
+
+@dataclass(frozen=True)
+class Top:
+    """The upper side of something: a rectangle l×w whose middle is at ``pose``, at this height."""
+
+    pose: PoseTuple
+    size: tuple[float, float]
+    height: float
+
+    def is_under(self, x: float, y: float) -> bool:
+        dx, dy, yaw = x - self.pose[0], y - self.pose[1], self.pose[2]
+        along, across = dx * math.cos(yaw) + dy * math.sin(yaw), dy * math.cos(yaw) - dx * math.sin(yaw)
+        return abs(along) <= self.size[0] / 2 and abs(across) <= self.size[1] / 2
 
 
 class Charger(Data):
@@ -193,6 +227,7 @@ class World(Data):
     statics: dict[Name, StaticThing] = {}
     rack_kinds: dict[Name, RackKind] = {}
     racks: dict[Name, Rack] = {}
+    items: dict[Name, Item] = {}
     chargers: dict[Name, Charger] = {}
     movers: dict[Name, Mover] = {}
     obstacles: dict[Name, Obstacle] = {}
@@ -209,6 +244,7 @@ class World(Data):
         if not self.robots and not self.arms:
             raise ValueError("robots: a world needs one robot or arm at least")
         self._check_names()
+        self._check_items()
         instant = self.instant_ns * 1e-9
         if not math.isclose(steps := instant / self.timestep, round(steps), rel_tol=1e-9):
             raise ValueError(
@@ -223,9 +259,34 @@ class World(Data):
         """How long a control instant is: time stands between two of them, and all commands are taken there."""
         return ARM_INSTANT_NS if self.arms else INSTANT_NS
 
+    def underside(self, item: Item) -> float:
+        """How high above the floor an item lies."""
+        return item.z if item.lies_on is None else self._tops()[item.lies_on].height
+
+    def _tops(self) -> dict[str, Top]:
+        """All that items can lie on."""
+        boxes = {name: thing for name, thing in self.statics.items() if isinstance(thing, Box)}
+        tops = {name: Top(box.pose, box.size[:2], box.z + box.size[2]) for name, box in boxes.items()}
+        for name, rack in self.racks.items():
+            kind = self.rack_kinds[rack.kind]
+            tops[name] = Top(rack.pose, kind.size, kind.height)
+        return tops
+
+    def _check_items(self) -> None:
+        tops = self._tops()
+        for name, item in self.items.items():
+            if item.lies_on is None:
+                continue
+            if item.lies_on not in tops:
+                raise ValueError(f"items.{name}.lies_on: {item.lies_on!r} is no box and no rack; known: {sorted(tops)}")
+            if not tops[item.lies_on].is_under(*item.pose[:2]):
+                raise ValueError(
+                    f"items.{name}.pose: its middle is not over {item.lies_on}, which is at {tops[item.lies_on].pose}"
+                )
+
     def _check_names(self) -> None:
         owner: dict[str, str] = {}
-        for group in ("robots", "arms", "statics", "racks", "chargers", "movers", "obstacles"):
+        for group in ("robots", "arms", "statics", "racks", "items", "chargers", "movers", "obstacles"):
             for name in getattr(self, group):
                 if name in owner:
                     raise ValueError(f"the name {name!r} is used in {owner[name]} and in {group}")

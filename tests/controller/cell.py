@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from schemas.motion import ArmCommand, ArmState, MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
+from schemas.motion import ArmCommand, ArmState, Gripper, MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
 from services.controller import ik
 from services.controller.access_types import AccessConfig, AuditEntry
 from services.controller.controller import Controller
@@ -30,6 +30,7 @@ class PerfectArm:
         executor: Any = None,
         lockstep: bool = True,
         stopwatch: Stopwatch = no_stopwatch,
+        gripper: Gripper | None = None,
         **access: Any,
     ) -> None:
         self.arm = arm
@@ -38,6 +39,7 @@ class PerfectArm:
             arm, PERIOD_NS, executor or Inline(), self._epoch, AccessConfig(**access), stopwatch
         )
         self.lockstep = lockstep
+        self.gripper = gripper
         self.stamp = 0
         self.q, self.dq = arm.home.copy(), np.zeros(arm.n)
         self.answers: dict[int, dict[str, Any]] = {}
@@ -92,7 +94,9 @@ class PerfectArm:
 
     def tick(self) -> ArmCommand:
         still = (0.0,) * self.arm.n
-        state = ArmState(stamp=self.stamp, q=tuple(self.q), dq=tuple(self.dq), efforts=still, wrench=(0.0,) * 6)
+        state = ArmState(
+            stamp=self.stamp, q=tuple(self.q), dq=tuple(self.dq), efforts=still, wrench=(0.0,) * 6, gripper=self.gripper
+        )
         self.command = self.controller.tick(state, self.lockstep)
         assert self.command.answers == self.stamp
         self._take()

@@ -11,10 +11,11 @@ import pytest
 
 from schemas import topics
 from schemas.base import Pose2
-from schemas.motion import ArmCommand, ArmState, FencingToken
+from schemas.motion import ArmCommand, ArmState, FencingToken, Gripper
 from schemas.world import Place
 from services.sim.arm import Arm
 from services.sim.arm_kinds import arm_file, load_arm_kinds
+from services.sim.arm_model import GRIPPER_LENGTH
 from services.sim.errors import RequestRefused, WorldFileError
 from services.sim.profiles import load_profiles
 from services.sim.simulation import Simulation
@@ -43,17 +44,22 @@ def state_of(simulation: Simulation) -> ArmState:
     return next(output.message for output in simulation.outputs if output.topic is topics.ARM_STATE)
 
 
-def send(simulation: Simulation, mode: Any, values: Any, token: FencingToken = TOKEN, age: int = 0) -> bool:
-    values = tuple(np.asarray(values, dtype=float).tolist())
-    return simulation.command("arm1", ArmCommand(answers=simulation.stamp - age, mode=mode, values=values, token=token))
+def send(
+    simulation: Simulation, mode: Any, values: Any, token: FencingToken = TOKEN, age: int = 0, suction: bool = False
+) -> bool:
+    values, answers = tuple(np.asarray(values, dtype=float).tolist()), simulation.stamp - age
+    command = ArmCommand(answers=answers, mode=mode, values=values, token=token, suction=suction)
+    return simulation.command("arm1", command)
 
 
-def control(simulation: Simulation, seconds: float, mode: str, values: Callable[[float], Any]) -> list[ArmState]:
+def control(
+    simulation: Simulation, seconds: float, mode: str, values: Callable[[float], Any], suction: bool = False
+) -> list[ArmState]:
     """Answer each period with ``values`` of the time since now; returns the states meanwhile."""
     begun, states = simulation.stamp, []
     while simulation.stamp - begun < round(seconds * 1e9):
         if simulation.stamp % PERIOD == 0:
-            assert send(simulation, mode, values((simulation.stamp - begun) * 1e-9))
+            assert send(simulation, mode, values((simulation.stamp - begun) * 1e-9), suction=suction)
         simulation.step()
         states.append(state_of(simulation))
     return states
@@ -388,33 +394,122 @@ def test_the_wrench_is_what_the_tool_does_to_the_flange_in_its_frame() -> None:
     np.testing.assert_allclose(wrench[3:], np.cross((0, 0, 0.06), force), atol=1e-6)
 
 
-def test_the_gripper_lifts_what_it_sucks_and_lets_go() -> None:
-    """A crate of 2 kg, whose lid is just under the cup. The flange feels its weight; the ledger finds nothing wrong."""
+def crate_world() -> World:
+    """A crate of 2 kg on the floor, whose lid is just under the cup of an arm that stands on the floor, too."""
     bare = arm_world(mount=0.0, gripper="suction").model_dump() | {"statics": {}}
     x, y, flange = Simulation(World.model_validate(bare), {}, 0, EXACT).data.site("arm1/flange").xpos.tolist()
-    crates = {
-        "rack_kinds": {"crate": {"size": (0.2, 0.2), "underside": 0.3, "height": flange - 0.1201, "mass": 2.0}},
-        "racks": {"crate": {"kind": "crate", "pose": (x, y, 0.0)}},
-    }
-    simulation = Simulation(World.model_validate(bare | crates), {}, 0, EXACT)
-    arm, lift, n = arm_of(simulation), np.array([0.0, -0.4, 0.0, 0.0, 0.0, 0.0]), 6
-    control(simulation, 0.05, "velocity", lambda _: -0.1 * lift)
-    arm.suction = True
-    control(simulation, 0.6, "velocity", lambda time: lift * min(time, 0.6 - time) / 0.3)
-    held = control(simulation, 0.4, "velocity", lambda _: np.zeros(n))[100:]
-    crate = simulation.data.body("crate")
-    assert crate.xpos[2] > 0.05
+    crate = {"size": (0.2, 0.2, flange - 0.1201), "pose": (x, y, 0.0), "mass": 2.0}
+    return World.model_validate(bare | {"items": {"crate": crate}})
+
+
+LIFT = np.array([0.0, -0.4, 0.0, 0.0, 0.0, 0.0])
+
+
+def lift_the_crate(simulation: Simulation) -> None:
+    control(simulation, 0.05, "velocity", lambda _: -0.1 * LIFT)
+    control(simulation, 0.6, "velocity", lambda time: LIFT * min(time, 0.6 - time) / 0.3, suction=True)
+
+
+def test_the_gripper_lifts_what_it_sucks_and_lets_go() -> None:
+    """The flange feels the crate's weight; the ledger finds nothing wrong."""
+    simulation = Simulation(crate_world(), {}, 0, EXACT)
+    assert state_of(simulation).gripper == Gripper(suction=False, holding=False)
+    lift_the_crate(simulation)
+    held = control(simulation, 0.4, "velocity", lambda _: np.zeros(6), suction=True)[100:]
+    assert {state.gripper for state in held} == {Gripper(suction=True, holding=True)}
+    assert lowest(simulation, "crate") > 0.05
     felt = np.mean([state.wrench[:3] for state in held], axis=0)
     assert np.linalg.norm(felt) == pytest.approx((0.4 + 2.0) * 9.81, rel=0.05)
-    arm.suction = False
-    control(simulation, 0.5, "velocity", lambda _: np.zeros(n))
-    assert crate.xpos[2] < 0.02
+    states = control(simulation, 0.5, "velocity", lambda _: np.zeros(6))
+    assert states[-1].gripper == Gripper(suction=False, holding=False)
+    assert lowest(simulation, "crate") < 0.01
     assert simulation.ledger.count == 0
 
 
-def test_the_base_is_told_where_it_stands() -> None:
-    simulation = make_simulation(arm_world(pose=[0.3, -0.2, 0.7], mount=0.5))
-    model = simulation.arm_model("arm1")
-    assert model.kind == "ur5e"
-    assert np.allclose(model.position, [0.3, -0.2, 0.5])
-    assert np.allclose(model.orientation, [np.cos(0.35), 0, 0, np.sin(0.35)])
+def lowest(simulation: Simulation, item: str) -> float:
+    """Height of the underside of an item that lies level, m."""
+    return float(simulation.data.body(item).xpos[2]) - simulation.world.items[item].size[2] / 2
+
+
+def test_what_is_held_is_not_dropped_when_commands_fall_silent() -> None:
+    """Nor when the controller is gone, nor by what a replaced grant says."""
+    simulation = Simulation(crate_world(), {}, 0, EXACT)
+    lift_the_crate(simulation)
+    height = lowest(simulation, "crate")
+    assert height > 0.05
+    assert send(simulation, "velocity", np.zeros(6), FencingToken(epoch="first", lease=2), suction=True)
+    assert not send(simulation, "velocity", np.zeros(6), suction=False)
+    simulation.silence("arm1")
+    states = wait(simulation, 0.5)
+    assert states[-1].gripper == Gripper(suction=True, holding=True)
+    assert lowest(simulation, "crate") == pytest.approx(height, abs=0.02)
+
+
+def test_a_cup_draws_nothing_but_air_beside_its_mouth(ur5e: Simulation) -> None:
+    assert state_of(ur5e).gripper is None, "this one has none"
+    simulation = Simulation(arm_world(gripper="suction"), {}, 0, EXACT)
+    states = control(simulation, 0.1, "velocity", lambda _: np.zeros(6), suction=True)
+    assert states[-1].gripper == Gripper(suction=True, holding=False)
+
+
+def test_the_arm_carries_a_parcel_across_the_table() -> None:
+    """In the warehouse: taken off the table, lifted by 0.2 m, carried sideways by 0.26 m, let go: it falls back on."""
+    simulation = warehouse()
+    pose = simulation.data.body("parcel_red").xpos.copy()
+    top = float(pose[2]) + 0.05
+    asleep = simulation.data.body_awake[simulation.model.body("parcel_red").id] == 0
+    assert asleep, "it costs nothing while it lies"
+    over, down = goal(simulation, pose[0], pose[1], top + 0.05), goal(simulation, pose[0], pose[1], top - 0.0005)
+    go(simulation, over, 1.5)
+    go(simulation, down, 1.0, suction=True)
+    assert state_of(simulation).gripper == Gripper(suction=True, holding=True)
+    bare = np.linalg.norm(state_of(Simulation(simulation.world, {}, 0, EXACT)).wrench[:3])
+    up = goal(simulation, pose[0], pose[1], top + 0.2)
+    go(simulation, up, 2.0, suction=True)
+    assert simulation.data.body("parcel_red").xpos[2] - pose[2] == pytest.approx(0.2, abs=0.01)
+    felt = np.mean([np.linalg.norm(s.wrench[:3]) for s in go(simulation, up, 0.5, suction=True)])
+    assert felt - bare == pytest.approx(0.6 * 9.81, rel=0.1), "the sensor feels the load"
+    aside = goal(simulation, pose[0] + 0.26, pose[1], top + 0.2)
+    go(simulation, aside, 2.0, suction=True)
+    assert state_of(simulation).gripper == Gripper(suction=True, holding=True)
+    go(simulation, aside, 1.0)
+    lies = simulation.data.body("parcel_red").xpos
+    assert np.linalg.norm(lies[:2] - pose[:2] - (0.26, 0.0)) < 0.05
+    assert lies[2] == pytest.approx(pose[2], abs=0.03), "it lies on the table again"
+    assert simulation.ledger.count == 0
+
+
+def warehouse() -> Simulation:
+    world = load_world("warehouse").model_copy(update={"robots": {}, "movers": {}})
+    return Simulation(world, {}, 0, EXACT)
+
+
+def goal(simulation: Simulation, x: float, y: float, cup: float) -> Any:
+    """Joint positions with the cup's mouth there in the map, pointing down; by damped least squares on the physics."""
+    model, data, arm = simulation.model, mujoco.MjData(simulation.model), arm_of(simulation)
+    data.qpos[:] = simulation.data.qpos
+    site = model.site("arm1/flange").id
+    down = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    rows, turn = np.zeros((6, model.nv)), np.zeros(3)
+    for _ in range(200):
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_jacSite(model, data, rows[:3], rows[3:], site)
+        away = down @ data.site_xmat[site].reshape(3, 3).T
+        turn[:] = (away[2, 1] - away[1, 2], away[0, 2] - away[2, 0], away[1, 0] - away[0, 1])
+        error = np.concatenate([(x, y, cup + GRIPPER_LENGTH) - data.site_xpos[site], turn / 2])
+        jacobian = rows[:, arm._qvel]
+        data.qpos[arm._qpos] += np.linalg.lstsq(jacobian, 0.5 * error, rcond=1e-3)[0]
+    assert np.abs(error).max() < 1e-6
+    return data.qpos[arm._qpos].copy()
+
+
+def go(simulation: Simulation, goal: Any, seconds: float, suction: bool = False) -> list[ArmState]:
+    """There on a quintic from rest to rest."""
+    start = np.array(state_of(simulation).q)
+
+    def there(time: float) -> Any:
+        s = min(time / seconds, 1.0)
+        return start + (10 * s**3 - 15 * s**4 + 6 * s**5) * (goal - start)
+
+    return control(simulation, seconds, "position", there, suction)

@@ -20,17 +20,25 @@ from services.sim.errors import WorldFileError
 from services.sim.profiles import known_profiles, load_profile, load_profiles
 from services.sim.simulation import Simulation
 from services.sim.worldfile import known_worlds, load_world, world_directory, worlds_root
-from tests.sim.helpers import make_simulation, make_world
+from tests.sim.helpers import coast, make_simulation, make_world
 
 GOOD: dict[str, Any] = {
     "version": 1,
     "name": "mine",
     "bounds": [0, 0, 5, 5],
     "robots": {"amr1": {"profile": "longjack", "pose": [1, 1, 0]}},
-    "statics": {"wall_a": {"kind": "wall", "start": [0, 0], "end": [5, 0]}},
+    "statics": {
+        "wall_a": {"kind": "wall", "start": [0, 0], "end": [5, 0]},
+        "table": {"kind": "box", "pose": [4, 4, 0.3], "size": [1, 0.8, 0.6], "z": 0.1},
+    },
     "rack_kinds": {"standard": {"size": [1, 1], "underside": 0.3, "height": 1.0, "mass": 50}},
     "racks": {"a1": {"kind": "standard", "pose": [3, 3, 0]}},
-    "movers": {"anna": {"motion": {"kind": "walk", "points": [[2, 4], [4, 4]]}}},
+    "items": {
+        "tin": {"size": [0.2, 0.1, 0.1], "pose": [4.2, 4.3, 1], "lies_on": "table"},
+        "bag": {"size": [0.2, 0.3, 0.1], "pose": [3.2, 3, 0], "lies_on": "a1", "mass": 2},
+        "brick": {"size": [0.2, 0.1, 0.05], "pose": [1, 3, 0], "z": 0.5},
+    },
+    "movers": {"anna": {"motion": {"kind": "walk", "points": [[2, 4], [3, 4]]}}},
 }
 
 
@@ -58,6 +66,19 @@ def test_a_world_may_be_given_by_its_folder(tmp_path: Path) -> None:
     assert load_world(write(tmp_path, GOOD)).name == "mine"
 
 
+def test_items_lie_where_the_file_says_and_are_told_of(tmp_path: Path) -> None:
+    simulation = make_simulation(load_world(write(tmp_path, GOOD)))
+    coast(simulation, 1.0)
+    model, data = simulation.model, simulation.data
+    undersides = {name: float(data.body(name).xpos[2]) - size / 2 for name, size in
+                  (("tin", 0.1), ("bag", 0.1), ("brick", 0.05))}  # fmt: skip
+    assert undersides == pytest.approx({"tin": 0.7, "bag": 1.0, "brick": 0.0}, abs=1e-3), "the brick has fallen"
+    assert not data.body_awake[[model.body(name).id for name in ("tin", "bag")]].any(), "what lies still sleeps"
+    assert {"tin", "bag", "brick"} <= {pose.name for pose in simulation.objects().objects}
+    assert {"tin", "bag", "brick"} <= {geom.body for geom in simulation.scene().geoms}
+    assert data.body("bag").xpos[:2] == pytest.approx([3.2, 3.0], abs=1e-3)
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
@@ -80,6 +101,14 @@ def test_a_world_may_be_given_by_its_folder(tmp_path: Path) -> None:
         (lambda w: w.update(bounds=[5, 0, 0, 5]), "want x_min, y_min, x_max, y_max"),
         (lambda w: w.update(timestep=0.003), "a whole number of steps"),
         (lambda w: w["movers"].update(a1=w["movers"]["anna"]), "the name 'a1' is used in racks and in movers"),
+        (lambda w: w["items"]["tin"].update(mass=0), "items.tin.mass: Input should be greater than 0"),
+        (lambda w: w["items"]["tin"].update(z=1.0), "items.tin: lies_on 'table' and z 1: want one of the two"),
+        (
+            lambda w: w["items"]["tin"].update(lies_on="wall_a"),
+            "items.tin.lies_on: 'wall_a' is no box and no rack",
+        ),
+        (lambda w: w["items"]["tin"].update(pose=[4, 3.4, 0]), "items.tin.pose: its middle is not over table, which is at (4.0"),
+        (lambda w: w["items"].update(a1=w["items"]["tin"]), "the name 'a1' is used in racks and in items"),
         (lambda w: w.pop("bounds"), "bounds: Field required"),
     ],
 )

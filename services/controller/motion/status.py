@@ -90,6 +90,7 @@ class Observer:
             task_acceleration=_task(acceleration),
             task_force_torque=Expected[CrfVec6].of(_six(wrench)),
             stamp=state.stamp,
+            gripper=state.gripper,
         )
 
 

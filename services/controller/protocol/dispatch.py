@@ -57,7 +57,7 @@ _MOVING = (
     crf.AppendJointsPath, crf.AppendTaskPath, crf.SetVelocity, crf.SetTorque, crf.StartJointsControl,
     crf.StartTaskControl,
 )  # fmt: skip
-_AUDITED = (crf.SetParameters, crf.SetProfileVelocity, crf.SetProfileAcceleration)
+_AUDITED = (crf.SetGripper, crf.SetParameters, crf.SetProfileVelocity, crf.SetProfileAcceleration)
 # What a retry must not do twice; everything else is carried out each time it comes.
 _ONCE = (
     crf.AppendJointsPath, crf.AppendTaskPath, crf.UnlockControl, crf.ResumeControl, *_AUDITED, crf.StartJointsControl,
@@ -102,7 +102,8 @@ class _Context:
 
 class Dispatcher:
     """``now`` is always monotonic nanoseconds. ``session`` names the connection a request came through; a client
-    without a name of its own is its session. ``not_offered``: commands this controller answers with 405."""
+    without a name of its own is its session. ``not_offered``: commands this controller answers with 405; it may be
+    set anew when more is known."""
 
     def __init__(
         self,
@@ -114,7 +115,7 @@ class Dispatcher:
     ) -> None:
         self.access = access
         self.arm = arm
-        self._not_offered = not_offered
+        self.not_offered = not_offered
         self._max_points = max_points
         self._max_sessions = max_sessions
         self._memory = ReplyMemory()
@@ -222,7 +223,7 @@ class Dispatcher:
         handle(Tick())
         if self.access.refusal(command) is None:
             # Judged before control is taken, so that a useless command neither pre-empts nor refreshes.
-            if request.command in self._not_offered:
+            if request.command in self.not_offered:
                 return refused(request.command, CrfCode.MethodNotAllowed, text="this controller does not offer it")
             if wrong := objection(request, self.arm):
                 return refused(request.command, CrfCode.BadRequest, text=wrong)
