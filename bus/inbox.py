@@ -93,9 +93,13 @@ def refuse(pending: zenoh.Query, code: str, text: str) -> None:
 
 
 class _Source:
-    """One subscription's unread items. A token in the inbox's queue stands for each of them."""
+    """One subscription's unread items. A token in the inbox's queue stands for each of them.
 
-    def __init__(self, depth: int, decode: Callable[[Any], Event | None]) -> None:
+    ``patient``: it is read when nothing else waits.
+    """
+
+    def __init__(self, depth: int, decode: Callable[[Any], Event | None], patient: bool = False) -> None:
+        self.patient = patient
         self.items: deque[Any] = deque(maxlen=depth)
         self.lock = threading.Lock()
         self.decode = decode
@@ -117,6 +121,8 @@ class _Source:
 class Inbox:
     """Everything that was subscribed to, in order of arrival. One reader; iteration ends when the bus stops.
 
+    Requests served as ``patient`` wait for all else, so that a flood of them holds nothing up.
+
     Zenoh's threads only put raw samples here: decoding, and so every cost and every error, is in the reader's thread,
     and a slow reader never holds up another topic.
     """
@@ -125,6 +131,7 @@ class Inbox:
         self._bus = bus
         self._tokens: queue.SimpleQueue[_Source | None] = queue.SimpleQueue()
         self._sources: list[_Source] = []
+        self._passed: deque[_Source] = deque()  # patient ones whose token brought something else
         self._handles: list[Any] = []
         self._alive: dict[str, bool] = {}
         self._wake: Callable[[], object] | None = None
@@ -153,7 +160,7 @@ class Inbox:
         self._handles.append(self._bus.declare_subscriber(key, topic.qos, self._pusher(source)))
         return self
 
-    def serve(self, query: Query[Any, Any], robot: str) -> Inbox:
+    def serve(self, query: Query[Any, Any], robot: str, patient: bool = False) -> Inbox:
         codec = codec_for(query.request)
 
         def decode(pending: zenoh.Query) -> Event | None:
@@ -166,7 +173,7 @@ class Inbox:
                 return None
             return Request(query, robot, message, pending)
 
-        source = self._add_source(MAX_REQUESTS, decode)
+        source = self._add_source(MAX_REQUESTS, decode, patient)
         push = self._pusher(source)
 
         def push_or_refuse(pending: zenoh.Query) -> None:
@@ -206,10 +213,21 @@ class Inbox:
                 return None
             if source is None:
                 self._stopped = True
-            elif (event := source.decode(source.pop())) is not None:
+            elif (event := self._read(source)) is not None:
                 self.received += 1
                 return event
         return None
+
+    def _read(self, told: _Source) -> Event | None:
+        """What is to be read next; ``told`` is whose token has come."""
+        if told.patient:
+            self._passed.append(told)
+        elif told.items:
+            return told.decode(told.pop())
+        # Its turn is over, or its item was read before its turn: then what it passed comes now.
+        urgent = next((other for other in self._sources if other.items and not other.patient), None)
+        source = urgent or self._passed.popleft()
+        return source.decode(source.pop())
 
     def __iter__(self) -> Iterator[Event]:
         return iter(self.get, None)  # holds no event: a request its reader has dropped is dropped
@@ -247,8 +265,8 @@ class Inbox:
     ) -> None:
         self.close()
 
-    def _add_source(self, depth: int, decode: Callable[[Any], Event | None]) -> _Source:
-        source = _Source(depth, decode)
+    def _add_source(self, depth: int, decode: Callable[[Any], Event | None], patient: bool = False) -> _Source:
+        source = _Source(depth, decode, patient)
         self._sources.append(source)
         return source
 

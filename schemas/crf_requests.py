@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, ConfigDict, Field, Strict, model_validator
+from pydantic import BeforeValidator, ConfigDict, FailFast, Field, Strict, model_validator
 from pydantic.alias_generators import to_camel
 
 from schemas.base import Message
 from schemas.orientation import CrfFloat, TaskPose
 
 MAX_PRIORITY = 2**32 - 1
+ALIAS_MARK = "#"
+"""What the names begin with that clients without one are given: no ``client`` may."""
 
 
 def _whole(value: Any) -> Any:
@@ -23,6 +25,7 @@ def _whole(value: Any) -> Any:
 
 CrfInt = Annotated[int, BeforeValidator(_whole)]
 Priority = Annotated[CrfInt, Field(ge=1, le=MAX_PRIORITY, description="1 is the highest")]
+Count = Annotated[CrfInt, Field(ge=0, le=2**63 - 1)]
 CrfVector = Annotated[tuple[CrfFloat, ...], Strict(False)]
 
 
@@ -47,7 +50,7 @@ class Request(CrfMessage):
     command: str
     id: Any = Field(None, description="any JSON; comes back in the answer")
     user: User | None = None
-    client: Annotated[str, Field(max_length=128)] | None = Field(
+    client: Annotated[str, Field(min_length=1, max_length=128, pattern=f"^[^{ALIAS_MARK}]")] | None = Field(
         None, description="extension: a name of the client that outlives its connection; asks for the lease in replies"
     )
 
@@ -91,7 +94,7 @@ class ResumeControl(ControlRequest):
 class AppendJointsPath(ControlRequest):
     command: Literal["appendPath"]
     type: Literal["joints"]
-    data: Annotated[tuple[CrfVector, ...], Strict(False)]
+    data: Annotated[tuple[CrfVector, ...], Strict(False), FailFast()]
 
 
 class AppendTaskPath(ControlRequest):
@@ -99,7 +102,7 @@ class AppendTaskPath(ControlRequest):
 
     command: Literal["appendPath"]
     type: Literal["task"]
-    data: Annotated[tuple[TaskPose, ...], Strict(False)]
+    data: Annotated[tuple[TaskPose, ...], Strict(False), FailFast()]
     method: CrfInt
     reference: CrfInt
 
@@ -119,8 +122,8 @@ class _Stream(_Signal):
     """A reference that dies 100 ms after its last refresh. The extensions let late and replayed samples be told."""
 
     reference: CrfInt | None = Field(None, description="mandatory for task: 1 robot base, 2 TCP at reception")
-    sequence: CrfInt | None = Field(None, description="extension: grows from sample to sample")
-    stamp: CrfInt | None = Field(None, description="extension: ns of world/clock the sample answers")
+    sequence: Count | None = Field(None, description="extension: grows from sample to sample")
+    stamp: Count | None = Field(None, description="extension: ns of world/clock the sample answers")
     timeout: CrfFloat | None = Field(None, description="extension: seconds until this sample dies, at most 0.1")
 
     @model_validator(mode="after")
@@ -215,9 +218,20 @@ class StopHeartbeat(Request):
     command: Literal["stopHeartbeat"]
 
 
+def words(model: type[Request]) -> tuple[str, ...]:
+    """The values of ``command`` that are this request."""
+    spelled: tuple[str, ...] = model.model_fields["command"].annotation.__args__  # type: ignore[union-attr]
+    return spelled
+
+
 REQUESTS: tuple[type[Request], ...] = (
     LockControl, UnlockControl, ResumeControl, AppendJointsPath, AppendTaskPath, SetVelocity, SetTorque,
     SetProfileVelocity, SetProfileAcceleration, SoftStop, HardStop, SetParameters, SetGripper, StartJointsControl,
     StartTaskControl, GetStatus, GetConfiguration, StartStreamStatus, StopStreamStatus, StartHeartbeat, Heartbeat,
     StopHeartbeat,
 )  # fmt: skip
+
+OPTIONAL_COMMANDS = frozenset(
+    word for model in REQUESTS if issubclass(model, ControlRequest) for word in words(model)
+) - {"resumeControl"}
+"""What a controller may not offer, as CRF's kinds of controllers each do without some (405)."""

@@ -117,7 +117,8 @@ class MatrixForm(_Form):
     @model_validator(mode="after")
     def _rotation(self) -> Self:
         rows = np.array([self.row1, self.row2, self.row3])
-        error = np.abs(rows @ rows.T - np.eye(3)).max() if np.isfinite(rows).all() else math.inf
+        with np.errstate(over="ignore"):
+            error = np.abs(rows @ rows.T - np.eye(3)).max() if np.isfinite(rows).all() else math.inf
         if not error <= TOLERANCE:
             raise ValueError(f"Matrix is not orthonormal: off by {error:.3g}, at most {TOLERANCE:g}")
         if np.linalg.det(rows) < 0:

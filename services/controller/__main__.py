@@ -13,6 +13,7 @@ import typer
 
 from bus import Bus
 from bus.log import configure_logging, get_logger
+from schemas.crf_requests import OPTIONAL_COMMANDS
 from schemas.service import ServiceId
 from services.controller import ik
 from services.controller.access_audit import AuditLog
@@ -35,6 +36,10 @@ Examples:
   python -m services.controller --robot arm1 --arm ur5e
 
   python -m services.controller --robot arm2 --arm fr3 --rate 500 --strict-crf
+
+  python -m services.controller --without setVelocity --without setTorque
+
+In a cell, RACKHAND_CONTROLLER_STRICT_CRF=1 and RACKHAND_CONTROLLER_WITHOUT="setVelocity setTorque" say the same.
 """
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -46,12 +51,25 @@ def main(
     arm: Annotated[str, typer.Option(help="profile of the arm, one of worlds/arms")] = "ur5e",
     rate: Annotated[int, typer.Option(min=50, max=1000, help="commands per second")] = 250,
     state_dir: Annotated[Path | None, typer.Option(help="folder of the audit log  [default: var/ROBOT]")] = None,
-    strict_crf: Annotated[bool, typer.Option(help="stops need priority, as in CRF")] = False,
+    strict_crf: Annotated[
+        bool, typer.Option(help="stops need priority, as in CRF", envvar="RACKHAND_CONTROLLER_STRICT_CRF")
+    ] = False,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="a command that is not offered and answered 405; may be given several times",
+            envvar="RACKHAND_CONTROLLER_WITHOUT",
+        ),
+    ] = None,
     keep_alive: Annotated[float, typer.Option(min=0.1, help="seconds a lock lives without being refreshed")] = 10.0,
 ) -> None:
     configure_logging("controller")
     if SECOND % rate:
         raise typer.BadParameter(f"{rate} Hz: want a rate whose period is a whole number of nanoseconds")
+    not_offered = frozenset(without or ())
+    if strangers := sorted(not_offered - OPTIONAL_COMMANDS):
+        known = ", ".join(sorted(OPTIONAL_COMMANDS))
+        raise typer.BadParameter(f"{', '.join(strangers)}: want one of {known}", param_hint="--without")
     try:
         model = ik.load_arm(arm)
         audit_log = AuditLog((state_dir or Path("var") / robot) / "audit.jsonl")
@@ -63,14 +81,20 @@ def main(
     warm_up(model, period_ns)
     access = AccessConfig(keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf)
     audit = AuditWriter(audit_log, lambda error: log.error("the audit log cannot be written", error=str(error)))
-    with ThreadPoolExecutor(1, thread_name_prefix="plan") as planning:
-        controller = Controller(model, period_ns, planning, lambda: secrets.token_hex(8), access, time.perf_counter_ns)
+    with (
+        ThreadPoolExecutor(1, thread_name_prefix="plan") as planning,
+        ThreadPoolExecutor(1, thread_name_prefix="read") as reading,
+    ):
+        controller = Controller(
+            model, period_ns, planning, lambda: secrets.token_hex(8), access, time.perf_counter_ns, not_offered, reading
+        )
         try:
             with Bus(ServiceId("controller", robot)) as bus:
                 bus.handle_signals()
                 ControllerService(bus, robot, model.n, controller, audit).run()
         finally:
             planning.shutdown(wait=False, cancel_futures=True)
+            reading.shutdown(wait=False, cancel_futures=True)
             audit.close()
 
 

@@ -44,7 +44,8 @@ from services.controller.motion.way_points import append_joints, append_task
 from services.controller.protocol.answers import encode, error
 from services.controller.protocol.checks import parameters_of
 from services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
-from services.controller.protocol.parse import parse
+from services.controller.protocol.parse import Parsed, parse
+from services.controller.protocol.reading import LONG, ReadingRoom
 from services.controller.trajectory.model import Array, PathRefused
 from services.controller.trajectory.queue import Leg
 
@@ -78,14 +79,18 @@ class Controller:
         new_epoch: Callable[[], str],
         access: AccessConfig = AccessConfig(),  # noqa: B008 - it is frozen
         stopwatch: Stopwatch = no_stopwatch,
+        not_offered: frozenset[str] = frozenset(),
+        reader: Executor | None = None,
     ) -> None:
         self.period_ns = period_ns
+        self._not_offered = not_offered
         self._arm, self._config, self._new_epoch = arm, access, new_epoch
         self.mover = Mover(arm, period_ns * 1e-9, stopwatch)
         self._meter = Meter(stopwatch)
         self._outlined: tuple[Leg, ...] | None = None  # the motions whose way was told
         self._late_ticks = 0
         self._planner = PathPlanner(executor, period_ns * 1e-9)
+        self._reading = ReadingRoom(reader or executor, lambda text: self._dispatcher.read(text))
         self._hop = LastHop()
         self._output = Output()
         self._waiting: dict[tuple[str, bytes], list[object]] = {}
@@ -93,7 +98,8 @@ class Controller:
 
     def _begin(self, codes: tuple[CrfCode, ...]) -> None:
         self.access = Access(self._new_epoch(), self._config)
-        self._dispatcher = Dispatcher(self.access, configuration(self._arm, self.mover.profile, self.period_ns))
+        arm = configuration(self._arm, self.mover.profile, self.period_ns)
+        self._dispatcher = Dispatcher(self.access, arm, self._not_offered)
         self._guard = StreamGuard()
         self._observer = Observer(self.mover.kinematics)
         self._codes = StatusCodes()
@@ -114,36 +120,62 @@ class Controller:
 
     @property
     def busy(self) -> bool:
-        """Whether a plan is being made: then ``poll`` has something to find."""
-        return self._planner.busy
+        """Whether a plan is being made or a request read: then ``poll`` has something to find."""
+        return self._planner.busy or self._reading.busy
 
     def begin_anew(self, why: str) -> None:
         """The arm's driver is gone or has begun anew: nobody holds control, nothing moves, nothing is queued."""
         self._cancel(CrfCode.ServiceUnavailable, why)
+        self._reading.overtake()
         held = self.access.holder(self._now)
+        to = self._dispatcher.recipient(held.client) if held else ""
         epoch, stamp = self.access.epoch, self._now
         self._begin((CrfCode.Disconnected,))
         if held is not None:
             info = ControlInfo(
                 client=held.client, priority=held.priority, lease_id=held.lease_id, epoch=epoch, reason="restart"
             )
-            self._output.events.append(MotionEvent(stamp=stamp, name="controlLost", to=held.client, info=info))
+            self._output.events.append(MotionEvent(stamp=stamp, name="controlLost", to=to, info=info))
 
     def disconnected(self, session: str) -> None:
         """A client's connection is gone."""
+        self._reading.overtake(session)
         self._follow(self._dispatcher.disconnected(session, self._now))
 
     def stop_request(self, session: str, text: str, ticket: object) -> None:
-        """A request on the way that is for stops only."""
+        """A request on the way that is for stops only. It waits for nothing."""
+        if len(text) > LONG:
+            refusal = error("Not valid json format", f"{len(text)} characters, a stop has at most {LONG}")
+            self._output.replies.append((ticket, encode(refusal).decode()))
+            return
         parsed = parse(text, self._arm.n)
         if isinstance(parsed.result, crf.Request) and not isinstance(parsed.result, crf.SoftStop | crf.HardStop):
             refusal = error(f"Unknown command: {parsed.result.command}", "only softStop and hardStop are taken here")
             self._output.replies.append((ticket, encode(refusal, parsed.echo).decode()))
         else:
-            self.request(session, text, ticket)
+            self._request(session, text, ticket, parsed)
 
     def request(self, session: str, text: str, ticket: object) -> None:
-        turn = self._dispatcher.request(session, text, self._now)
+        if not self._reading.wanted(session, text):
+            self._request(session, text, ticket, None)
+        elif self._reading.full:
+            refusal = error(CrfCode.ServiceUnavailable, "too many long requests are being read")
+            self._output.replies.append((ticket, encode(refusal).decode()))
+        else:
+            self._reading.take(session, text, ticket)
+
+    def _take_in(self, lockstep: bool) -> None:
+        """Long requests that are read by now."""
+        for reading in self._reading.collect(lockstep):
+            parsed = reading.future.result() if reading.future else self._dispatcher.read(reading.text)
+            if reading.overtaken and isinstance(parsed.result, crf.ControlRequest):
+                refusal = error(CrfCode.Conflict, "a stop has overtaken it while it was read")
+                self._output.replies.append((reading.ticket, encode(refusal, parsed.echo).decode()))
+            else:
+                self._request(reading.session, reading.text, reading.ticket, parsed)
+
+    def _request(self, session: str, text: str, ticket: object, parsed: Parsed | None) -> None:
+        turn = self._dispatcher.request(session, text, self._now, parsed)
         self._follow(turn)
         if turn.reply is not None:
             self._output.replies.append((ticket, turn.reply.decode()))
@@ -159,6 +191,7 @@ class Controller:
     def poll(self) -> None:
         """Between ticks: plans that are ready are answered, so that a paused world answers too; and what may wait until
         the command is on its way."""
+        self._take_in(lockstep=False)
         if self._tick is not None:
             self._collect(self._time(self._tick), tick=False, lockstep=False)
             self._tell_path()
@@ -182,6 +215,7 @@ class Controller:
         self._observer.see(state)
         self._see_gripper(state)
         self._follow(self._dispatcher.tick(now))
+        self._take_in(lockstep)
         if self._guard.expired(now):
             self.mover.silence()
         self._collect(t, tick=True, lockstep=lockstep)
@@ -214,7 +248,8 @@ class Controller:
         for order in turn.orders:
             self._obey(order)
         for event in turn.events:
-            told = MotionEvent(stamp=self._now, name=event.name, to=event.to, info=event.info)
+            to = self._dispatcher.recipient(event.to)
+            told = MotionEvent(stamp=self._now, name=event.name, to=to, info=event.info)
             self._output.events.append(told)
         self._output.audit.extend(turn.audit)
 
@@ -224,6 +259,7 @@ class Controller:
             case ContinueMotion():
                 self.mover.resume()
             case StopMotion(kind=kind, clear=clear, reason=reason):
+                self._reading.overtake()
                 self._cancel(CrfCode.Conflict, reason)
                 self._guard.stop(self._now)
                 if kind == "hardStop":
@@ -367,7 +403,7 @@ class Controller:
         if task and isinstance(request, crf.SetVelocity) and self._too_singular():
             return Expected[bool].failed(CrfCode.LowManipulability), "the arm is near a singularity"
         token = admitted.verdict.token or self.access.token
-        timeout = None if request.timeout is None else int(request.timeout * 1e9)
+        timeout = None if request.timeout is None else int(min(request.timeout, 1.0) * 1e9)
         fresh = self._guard.offer(StreamSample(token, request.sequence, request.stamp, timeout), self._now)
         if not fresh.ok:
             return Expected[bool].failed(fresh.code, fresh.detail), fresh.text

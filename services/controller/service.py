@@ -43,7 +43,7 @@ class ControllerService:
         inbox.subscribe(topics.ARM_STATE, self._robot)
         inbox.subscribe(topics.MOTION_SESSION, self._robot)
         inbox.subscribe(topics.CLOCK, WORLD)
-        inbox.serve(topics.MOTION, self._robot)
+        inbox.serve(topics.MOTION, self._robot, patient=True)
         inbox.serve(topics.MOTION_STOP, self._robot)
         inbox.watch_services()
         return inbox
@@ -55,6 +55,8 @@ class ControllerService:
             for _ in range(READ_AHEAD):
                 if event is None:
                     break
+                if isinstance(event, Request) and event.query is topics.MOTION:
+                    self._tick_if_due()  # the inbox has nothing more urgent
                 self.handle(event)
                 event = self._inbox.get(0)
             if event is not None:

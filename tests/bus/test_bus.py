@@ -8,9 +8,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from typing import Any, cast
 
 import pytest
 import zenoh
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bus import Bus, BusConfig, CallTimeout, Inbox, Refused, Sample, Unavailable
 from schemas import topics
@@ -256,3 +259,29 @@ def test_a_service_tells_what_it_read_lost_and_could_not_parse(bus: Bus, router:
     assert told.message.received == before.received + 4
     assert told.message.dropped == before.dropped + 16
     assert told.message.malformed == 1
+
+
+@given(st.lists(st.sampled_from(["state", "stop", "command", "other", "get"]), max_size=60))
+def test_patient_requests_wait_for_all_else_and_none_is_lost(happenings: list[str]) -> None:
+    inbox = Inbox(cast(Bus, None))
+    pushers = {
+        name: inbox._pusher(inbox._add_source(4, lambda item: item, patient=name in ("command", "other")))
+        for name in ("state", "stop", "command", "other")
+    }
+    waiting: list[tuple[str, int]] = []
+    for number, name in enumerate([*happenings, *["get"] * 60]):
+        if name != "get":
+            mine = [item for item in waiting if item[0] == name]
+            if len(mine) == 4:
+                waiting.remove(mine[0])  # the oldest makes way
+            waiting.append((name, number))
+            pushers[name]((name, number))
+            continue
+        heard: Any = inbox.get(timeout=0)
+        if not waiting:
+            assert heard is None
+            continue
+        urgent = [item for item in waiting if item[0] in ("state", "stop")]
+        assert heard == next(item for item in (urgent or waiting) if item[0] == heard[0]), "in order of arrival"
+        assert not urgent or heard in urgent
+        waiting.remove(heard)

@@ -31,12 +31,13 @@ class PerfectArm:
         lockstep: bool = True,
         stopwatch: Stopwatch = no_stopwatch,
         gripper: Gripper | None = None,
+        reader: Any = None,
         **access: Any,
     ) -> None:
         self.arm = arm
         self.epochs = 0
         self.controller = Controller(
-            arm, PERIOD_NS, executor or Inline(), self._epoch, AccessConfig(**access), stopwatch
+            arm, PERIOD_NS, executor or Inline(), self._epoch, AccessConfig(**access), stopwatch, reader=reader
         )
         self.lockstep = lockstep
         self.gripper = gripper

@@ -62,14 +62,16 @@ class CellError(AssertionError):
 class Cell:
     """``rackhand up`` with the given options, started on entry and stopped on exit.
 
-    ``http`` is the gateway's URL, ``bus`` the router's end point; ``folder`` holds the log and the state. With a
-    ``viewer``, that is its page's URL, and ``viewer_stream`` what Rerun's native viewer opens.
+    ``http`` is the gateway's URL, ``bus`` the router's end point, ``crf`` where each arm's CRF clients connect;
+    ``folder`` holds the log and the state. With a ``viewer``, that is its page's URL, and ``viewer_stream`` what Rerun's
+    native viewer opens.
     """
 
     http: str
     bus: str
     viewer: str
     viewer_stream: str
+    crf: dict[str, str]
 
     def __init__(
         self, folder: Path, *options: str, environment: dict[str, str] | None = None, viewer: bool = False
@@ -123,7 +125,7 @@ class Cell:
                 start_new_session=True,
             )
         facts = self.wait_for(self._facts, "its ports are told")
-        self.http, self.bus = facts["http"], facts["bus"]
+        self.http, self.bus, self.crf = facts["http"], facts["bus"], facts.get("crf", {})
         self.viewer, self.viewer_stream = facts.get("viewer", ""), facts.get("viewer_stream", "")
 
     def stop(self) -> int:

@@ -14,6 +14,11 @@ from schemas import crf_requests as crf
 from schemas.codec import explain
 from schemas.motion import Parameters, RobotConfiguration
 
+SLOWEST_PROFILE, GENTLEST_PROFILE = 0.001, 0.01
+"""Least profile velocity and acceleration, of the arm's limits. Stops brake at the profile: they must end."""
+FARTHEST = 100.0
+"""Metres. Way beyond reach, and so near that a double still tells micrometres there."""
+
 
 def objection(request: crf.Request, arm: RobotConfiguration) -> str:
     """Why the arm cannot do it: what, where, by how much. Empty, nothing speaks against it."""
@@ -57,6 +62,8 @@ def _task_path(request: crf.AppendTaskPath) -> str:
     for i, pose in enumerate(request.data):
         if not pose.finite:
             return f"data[{i}] holds a number that is not finite"
+        if (far := max(map(abs, pose.position))) > FARTHEST:
+            return f"data[{i}] is {far:g} m away, beyond any arm's reach"
     return _reference(request.reference)
 
 
@@ -81,9 +88,13 @@ def _profile(request: crf.SetProfileVelocity | crf.SetProfileAcceleration, arm: 
     wanted = arm.joint_space_degree_of_freedom if request.type == "joints" else 6
     if len(request.data) != wanted:
         return f"data has {len(request.data)} numbers, want {wanted}"
-    for i, value in enumerate(request.data):
-        if not (math.isfinite(value) and value > 0):
-            return f"data[{i}] is {value:g}, want more than 0"
+    limits = arm.joint_limits if request.type == "joints" else arm.task_limits
+    velocity = isinstance(request, crf.SetProfileVelocity)
+    bounds = limits.max_velocity if velocity else limits.max_acceleration
+    share = SLOWEST_PROFILE if velocity else GENTLEST_PROFILE
+    for i, (value, bound) in enumerate(zip(request.data, bounds, strict=True)):
+        if not share * bound <= value < math.inf:
+            return f"data[{i}] is {value:g}, want at least {share * bound:g} ({share:.1%} of the arm's limit)"
     return ""
 
 

@@ -7,6 +7,7 @@ is done by whoever takes the ``Turn``: first its orders, then the admitted comma
 
 from __future__ import annotations
 
+import hashlib
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -50,7 +51,7 @@ from services.controller.protocol.answers import (
 )
 from services.controller.protocol.checks import objection
 from services.controller.protocol.idempotence import Fresh, ReplyMemory
-from services.controller.protocol.parse import MAX_POINTS, parse
+from services.controller.protocol.parse import MAX_POINTS, Parsed, parse
 from services.controller.protocol.status_stream import StatusStream
 
 _MOVING = (
@@ -101,9 +102,9 @@ class _Context:
 
 
 class Dispatcher:
-    """``now`` is always monotonic nanoseconds. ``session`` names the connection a request came through; a client
-    without a name of its own is its session. ``not_offered``: commands this controller answers with 405; it may be
-    set anew when more is known."""
+    """``now`` is always monotonic nanoseconds. ``session`` names the connection a request came through, and whoever
+    knows it could speak for it; so a client without a name of its own goes by its session's ``alias``.
+    ``not_offered``: commands this controller answers with 405; it may be set anew when more is known."""
 
     def __init__(
         self,
@@ -124,12 +125,17 @@ class Dispatcher:
 
     # -- what happens -------------------------------------------------------------------------------------------------
 
-    def request(self, session: str, text: bytes | str, now: int) -> Turn:
-        parsed = parse(text, self.arm.joint_space_degree_of_freedom, self._max_points)
+    def read(self, text: bytes | str) -> Parsed:
+        """What a request says. Needs nothing that changes, so it may be done beside."""
+        return parse(text, self.arm.joint_space_degree_of_freedom, self._max_points)
+
+    def request(self, session: str, text: bytes | str, now: int, parsed: Parsed | None = None) -> Turn:
+        """``parsed``: the text as it was read, if it was."""
+        parsed = parsed or self.read(text)
         if isinstance(parsed.result, Answer):
             return Turn(encode(parsed.result, parsed.echo))
         request = parsed.result
-        client = request.client or session
+        client = alias(session) if request.client is None else request.client
         self._remember_session(client, session)
         begun = self._memory.begin(client, parsed.echo, text, isinstance(request, _ONCE))
         if not isinstance(begun, Fresh):
@@ -162,12 +168,18 @@ class Dispatcher:
         gone = [client for client, last in self._sessions.items() if last == session]
         for client in gone:
             del self._sessions[client]
+        if (nameless := alias(session)) not in gone:
+            gone.append(nameless)  # forgotten for newer ones, perhaps
         return _turn([self.access.handle(Disconnected(client), now) for client in gone])
 
     @property
     def streams(self) -> bool:
         """Whether anybody is streamed to."""
         return bool(self._streams)
+
+    def recipient(self, client: str) -> str:
+        """Whom an event to ``client`` is for: a client with a name, or the session of one without."""
+        return self._sessions.get(client, client) if client.startswith(crf.ALIAS_MARK) else client
 
     def due(self, status: MotionStatus, now: int) -> list[tuple[str, bytes]]:
         """The stream events to send now, by session."""
@@ -262,6 +274,11 @@ class Dispatcher:
         self._sessions.move_to_end(client)
         if len(self._sessions) > self._max_sessions:
             self._sessions.popitem(last=False)
+
+
+def alias(session: str) -> str:
+    """What a client without a name is called where others see it. It leads nobody back to the session."""
+    return crf.ALIAS_MARK + hashlib.blake2s(session.encode(errors="surrogatepass"), digest_size=8).hexdigest()
 
 
 def _heartbeat(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import msgspec
+from msgspec import Raw
 from pydantic import ValidationError
 
 from schemas import crf_requests as crf
@@ -20,14 +21,13 @@ from services.controller.protocol.answers import Answer, error, refused
 
 MAX_POINTS = 2_000
 MAX_TEXT_BYTES = 2 * 1024 * 1024
+MAX_FIELDS_BYTES = 64 * 1024  # of all but the points of a path
+NOT_JSON = "Not valid json format"
 MAX_DEPTH = 32
-MAX_HEARTBEAT_S = 3600.0
+MIN_FREQUENCY = 1e-6  # Hz
+MIN_HEARTBEAT_S, MAX_HEARTBEAT_S = 0.001, 3600.0
 
-_BY_COMMAND: dict[str, type[crf.Request]] = {
-    word: model
-    for model in crf.REQUESTS
-    for word in model.model_fields["command"].annotation.__args__  # type: ignore[union-attr]
-}
+_BY_COMMAND: dict[str, type[crf.Request]] = {word: model for model in crf.REQUESTS for word in crf.words(model)}
 _PATHS: dict[Any, type[crf.Request]] = {"joints": crf.AppendJointsPath, "task": crf.AppendTaskPath}
 # Of these a wrong field is answered in words, of the others with a bare 400.
 _WORDED = (crf.LockControl, crf.UnlockControl, crf.StartStreamStatus, crf.StartHeartbeat)
@@ -43,28 +43,71 @@ class Parsed:
 
 def parse(text: bytes | str, joints: int, max_points: int = MAX_POINTS) -> Parsed:
     """Never raises. ``joints``: the arm's number; ``max_points``: the longest path that one request may bring."""
-    fields = _decode(text)
+    fields = _decode(text, max_points)
     if isinstance(fields, Answer):
         return Parsed(fields, {})
     echo = {"id": fields["id"]} if "id" in fields else {}
     free = {"data": fields["data"]} if isinstance(fields.get("data"), dict) else {}
     if _deeper(echo, MAX_DEPTH) or _deeper(free, MAX_DEPTH):
-        return Parsed(error("Not valid json format", f"nested more than {MAX_DEPTH} deep"), {})
+        return Parsed(error(NOT_JSON, f"nested more than {MAX_DEPTH} deep"), {})
     return Parsed(_typed(fields, joints, max_points), echo)
 
 
-def _decode(text: bytes | str) -> dict[str, Any] | Answer:
-    """The flat fields. A nested ``message`` object, as the seed describes it, is an alias: the top level wins."""
+def _decode(text: bytes | str, max_points: int) -> dict[str, Any] | Answer:
+    """The flat fields. A nested ``message`` object, as the seed describes it, is an alias: the top level wins.
+
+    Only a path's points may be long. Whatever else is, and more points than are taken, is not even turned into values:
+    that would take longer than a control period.
+    """
     if len(text) > MAX_TEXT_BYTES:
-        return error("Not valid json format", f"{len(text)} bytes, at most {MAX_TEXT_BYTES}")
+        return error(NOT_JSON, f"{len(text)} bytes, at most {MAX_TEXT_BYTES}")
     try:
-        value = msgspec.json.decode(text)
+        fields = msgspec.json.decode(text, type=dict[str, Raw])
     except (ValueError, RecursionError) as problem:
-        return error("Not valid json format", str(problem))
-    if not isinstance(value, dict):
-        return error("Cannot get command field from received json", f"{type(value).__name__}, want an object")
-    nested = value.pop("message", None)
-    return {**nested, **value} if isinstance(nested, dict) else value
+        return _no_object(text, problem)
+    try:
+        nested = _object(fields.pop("message", None))
+        fields = {**nested, **fields}
+        command = _value(fields.get("command", Raw(b"null")))
+        points = fields.pop("data", None) if command == "appendPath" else None
+        size = sum(len(key) + len(bytes(raw)) for key, raw in fields.items())
+        if size > MAX_FIELDS_BYTES:
+            return error(NOT_JSON, f"{size} bytes beside the points of a path, at most {MAX_FIELDS_BYTES}")
+        values = {key: _value(raw) for key, raw in fields.items()}
+        return values if points is None else {**values, "data": _points(points, max_points)}
+    except (ValueError, RecursionError) as problem:
+        return error(NOT_JSON, str(problem))
+
+
+def _no_object(text: bytes | str, problem: Exception) -> Answer:
+    """Of what is no object, whether it is JSON."""
+    try:
+        value = msgspec.json.decode(text, type=Any if len(text) < MAX_FIELDS_BYTES else Raw)
+    except (ValueError, RecursionError) as wrong:
+        return error(NOT_JSON, str(wrong))
+    if isinstance(value, dict):
+        return error(NOT_JSON, str(problem))
+    return error("Cannot get command field from received json", str(problem))
+
+
+def _object(raw: Raw | None) -> dict[str, Raw]:
+    try:
+        return msgspec.json.decode(raw, type=dict[str, Raw]) if raw is not None else {}
+    except msgspec.ValidationError:
+        return {}
+
+
+def _points(raw: Raw, max_points: int) -> Any:
+    """The points as values, or as raw as they came where they are too many."""
+    try:
+        points = msgspec.json.decode(raw, type=list[Raw])
+    except msgspec.ValidationError:
+        return None if len(bytes(raw)) > MAX_FIELDS_BYTES else _value(raw)
+    return points if len(points) > max_points else _value(raw)
+
+
+def _value(raw: Raw) -> Any:
+    return msgspec.json.decode(raw)
 
 
 def _typed(fields: dict[str, Any], joints: int, max_points: int) -> crf.Request | Answer:
@@ -106,12 +149,12 @@ _OUT_OF_RANGE = ("greater_than_equal", "less_than_equal")
 def _out_of_range(request: crf.Request, joints: int) -> Answer | None:
     """What CRF's parser refuses by value."""
     match request:
-        case crf.StartStreamStatus(frequency=frequency) if not (math.isfinite(frequency) and frequency > 0):
-            return error("Frequency not valid", f"{frequency} Hz, want more than 0")
+        case crf.StartStreamStatus(frequency=frequency) if not MIN_FREQUENCY <= frequency < math.inf:
+            return error("Frequency not valid", f"{frequency} Hz, want at least {MIN_FREQUENCY:g}")
         case crf.StartStreamStatus(mode=mode) if mode not in (1, 2):
             return error("Mode not valid", f"mode {mode}, want 1 (frequency) or 2 (differential)")
-        case crf.StartHeartbeat(period=period) if not 0 < period <= MAX_HEARTBEAT_S:
-            return error("Heartbeat period not valid", f"{period} s, want more than 0, at most {MAX_HEARTBEAT_S:g}")
+        case crf.StartHeartbeat(period=period) if not MIN_HEARTBEAT_S <= period <= MAX_HEARTBEAT_S:
+            return error("Heartbeat period not valid", f"{period} s, want {MIN_HEARTBEAT_S:g} to {MAX_HEARTBEAT_S:g}")
         case crf.LockControl(keep_alive=float(seconds)) if not (math.isfinite(seconds) and seconds > 0):
             return error("Wrong parameters", f"keepAlive {seconds} s, want more than 0")
         case crf.SetVelocity() | crf.SetTorque() if request.type == "joints" and len(request.data) != joints:

@@ -15,6 +15,7 @@ from schemas.orientation import Representation
 from services.controller.access_types import SECOND, StopMotion
 from services.controller.protocol.answers import event
 from services.controller.protocol.checks import parameters_of
+from services.controller.protocol.dispatch import alias
 from services.controller.protocol.status_stream import StatusStream
 from tests.controller.protocol.bench import BAD, IDLE, OK, PATH, Bench
 
@@ -125,7 +126,16 @@ def test_a_malformed_command_is_a_bare_400(request_: dict[str, Any]) -> None:
         ({**VELOCITY, "command": "setTorque", "data": [151] + [0] * 5}, "at most ±150"),
         ({**TASK_VELOCITY, "command": "setTorque", "data": ["inf"] + [0] * 5}, "data[0] is inf"),
         ({"command": "setProfileVelocity", "priority": 10, "type": "joints", "data": [1] * 5}, "5 numbers, want 6"),
-        ({"command": "setProfileAcceleration", "priority": 10, "type": "task", "data": [0] * 6}, "more than 0"),
+        (
+            {"command": "setProfileAcceleration", "priority": 10, "type": "task", "data": [0] * 6},
+            "is 0, want at least",
+        ),
+        (
+            {"command": "setProfileVelocity", "priority": 10, "type": "joints", "data": [1e-320] * 6},
+            "0.1% of",
+        ),
+        ({"command": "setProfileAcceleration", "priority": 10, "type": "joints", "data": ["inf"] * 6}, "is inf"),
+        ({**TASK_PATH, "data": [{**POSE, "Position": [0, -1e12, 0]}]}, "data[0] is 1e+12 m away"),
         ({"command": "setParameters", "priority": 10, "data": {"Controller": {"Gain": 1}}}, "Controller.Gain"),
         (
             {
@@ -262,11 +272,11 @@ def test_a_change_of_holder_orders_the_stop_before_the_command() -> None:
     turn = bench.dispatcher.request("b", json.dumps({**PATH, "priority": 5}), 0)
     assert [type(order) for order in turn.orders] == [StopMotion]
     assert turn.admitted and turn.admitted.verdict.after_rest
-    names = [(e.name, e.to) for e in turn.events]
-    assert names == [("controlLost", "a"), ("controlGranted", "b")]
+    told = [(e.name, e.to, bench.dispatcher.recipient(e.to)) for e in turn.events]
+    assert told == [("controlLost", alias("a"), "a"), ("controlGranted", alias("b"), "b")]
     sent = json.loads(event(turn.events[0].name, turn.events[0].info))
     assert sent["replyCommand"] == "controlLost" and "id" not in sent
-    assert sent["message"]["by"] == "b" and sent["message"]["reason"] == "preempted"
+    assert sent["message"]["by"] == alias("b") and sent["message"]["reason"] == "preempted"
     MotionEvent(stamp=0, name=turn.events[0].name, to="a", info=turn.events[0].info)
 
 
@@ -277,6 +287,62 @@ def test_a_closed_connection_stops_its_clients_unless_they_came_back() -> None:
     bench.take(bench.dispatcher.disconnected("ws1", 0))
     assert bench.queue
     bench.take(bench.dispatcher.disconnected("ws2", 0))
+    assert not bench.queue and bench.dispatcher.access.priority_under_control == 0
+
+
+SESSION = "dGhlIHNlc3Npb24gb2YgYQ"
+
+
+def test_nobody_is_told_anothers_session() -> None:
+    """Whoever knows a session could act for it, so of a client without a name others see its alias only."""
+    bench = Bench()
+    told: list[Any] = []
+
+    def ask(session: str, **request: Any) -> dict[str, Any]:
+        answer = bench.ask(session, **request)
+        told.extend([answer, bench.turn.audit, [(e.name, e.info) for e in bench.turn.events]])
+        return answer
+
+    ask(SESSION, **PATH)
+    holder = ask("b", command="getStatus")["message"]["holder"]["client"]
+    for request in ({**PATH, "priority": 20}, {"command": "lockControl", "priority": 10}, {"command": "softStop"}):
+        ask("b", **request)
+    assert ask("c", command="getStatus")["message"]["stoppedBy"] == alias("b")
+    ask("b", command="lockControl", priority=5)
+    assert holder == alias(SESSION)
+    assert SESSION not in repr(told)
+
+
+@pytest.mark.parametrize("name", [alias(SESSION), "#", "", "x" * 129, 7, SESSION])
+def test_no_name_makes_a_client_of_anothers_session(name: Any) -> None:
+    bench = Bench()
+    bench.ask(SESSION, command="lockControl", priority=10, keepAlive=5)
+    for request in (PATH, {"command": "unlockControl", "priority": 10}, {"command": "heartbeat"}):
+        answer = bench.ask("b", **request, client=name)
+        message = answer["message"]
+        assert (
+            message in (400, "Wrong parameters", "Heartbeat has not been configured", False) or message["code"] == 403
+        )
+    bench.ask("b", command="getStatus", client=name)
+    bench.take(bench.dispatcher.disconnected("b", 0))
+    held = bench.dispatcher.access.holder(0)
+    assert held and held.client == alias(SESSION) and bench.queue == []
+
+
+@given(st.lists(st.text(max_size=12) | st.binary(max_size=12).map(lambda b: b.decode("utf-8", "surrogateescape"))))
+def test_aliases_are_their_sessions_own_and_no_client_can_be_called_so(sessions: list[str]) -> None:
+    assert len({alias(session) for session in sessions}) == len(set(sessions))
+    for session in sessions:
+        with pytest.raises(ValueError):
+            crf.GetStatus(command="getStatus", client=alias(session))
+
+
+def test_a_session_forgotten_for_newer_ones_still_ends_what_it_held() -> None:
+    bench = Bench()
+    bench.ask("a", **PATH)
+    for i in range(1100):
+        bench.ask("flood", command="getStatus", client=f"c{i}")
+    bench.take(bench.dispatcher.disconnected("a", 0))
     assert not bench.queue and bench.dispatcher.access.priority_under_control == 0
 
 
@@ -337,7 +403,7 @@ JSON = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
     max_leaves=12,
 )
-WORDS = sorted({word for model in crf.REQUESTS for word in model.model_fields["command"].annotation.__args__})  # type: ignore[union-attr]
+WORDS = sorted({word for model in crf.REQUESTS for word in crf.words(model)})
 NAMES = (
     "id", "user", "client", "priority", "type", "data", "method", "reference", "message", "frequency", "mode",
     "period", "keepAlive", "onLoss", "takeover", "force", "leaseId", "epoch", "sequence", "stamp", "timeout",
