@@ -236,7 +236,8 @@ class Controller:
         """What it was doing before this controller came it goes on doing: to drop a load is worse than to hold it."""
         if self._suction is None:
             self._suction = state.gripper is not None and state.gripper.suction
-        self._dispatcher.not_offered = frozenset() if state.gripper is not None else GRIPPER_COMMANDS
+        missing = frozenset() if state.gripper is not None else GRIPPER_COMMANDS
+        self._dispatcher.not_offered = self._not_offered | missing
 
     def _time(self, stamp: int) -> float:
         """Seconds since the first tick, in whole periods: so that times of ticks compare."""

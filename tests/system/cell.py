@@ -63,8 +63,8 @@ class Cell:
     """``rackhand up`` with the given options, started on entry and stopped on exit.
 
     ``http`` is the gateway's URL, ``bus`` the router's end point, ``crf`` where each arm's CRF clients connect;
-    ``folder`` holds the log and the state. With a ``viewer``, that is its page's URL, and ``viewer_stream`` what Rerun's
-    native viewer opens.
+    ``folder`` holds the log and the state. With a ``viewer``, that is its page's URL, and ``viewer_stream`` what
+    Rerun's native viewer opens.
     """
 
     http: str
