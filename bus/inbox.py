@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
+from bus.attached import stay_attached
 from bus.log import get_logger
 from schemas.base import Message
 from schemas.chassis import Refusal
@@ -272,6 +273,7 @@ class Inbox:
 
     def _pusher(self, source: _Source) -> Callable[[Any], None]:
         def push(item: Any) -> None:
+            stay_attached()
             if source.push(item):
                 self._tokens.put(source)
             self._wake_reader()
