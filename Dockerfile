@@ -1,4 +1,4 @@
-# One image a service, none with more than it needs: docker compose builds the targets router, sim, planner, gateway.
+# One image a service, none with more than it needs: docker compose builds the targets router, sim, planner, gateway, viewer.
 
 FROM python:3.11-slim-bookworm AS python
 ENV PYTHONUNBUFFERED=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_CACHE_DIR=1 PIP_ROOT_USER_ACTION=ignore
@@ -28,6 +28,11 @@ RUN pip install --no-deps --force-reinstall .
 
 FROM dependencies AS build-gateway
 RUN pip install '.[gateway]'
+COPY . .
+RUN pip install --no-deps --force-reinstall .
+
+FROM dependencies AS build-viewer
+RUN pip install '.[viewer]'
 COPY . .
 RUN pip install --no-deps --force-reinstall .
 
@@ -62,3 +67,8 @@ FROM runtime AS gateway
 COPY --from=build-gateway /venv /venv
 CMD ["python", "-m", "services.gateway", "--robot", "amr1", "--host", "0.0.0.0", "--port", "8090"]
 EXPOSE 8090
+
+FROM runtime AS viewer
+COPY --from=build-viewer /venv /venv
+CMD ["python", "-m", "services.viewer", "--host", "0.0.0.0"]
+EXPOSE 9090 9876

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-IMAGES = ("sim", "planner", "gateway")
+IMAGES = ("sim", "planner", "gateway", "viewer")
 
 
 def main() -> None:

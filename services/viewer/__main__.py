@@ -23,8 +23,13 @@ def main(
     host: Annotated[str, typer.Option(help="Address to listen on (127.0.0.1: this machine only).")] = "127.0.0.1",
     web_port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the web viewer.")] = 9090,
     data_port: Annotated[int, typer.Option(min=1, max=65535, help="Port viewers get their data from.")] = 9876,
-    memory: Annotated[str, typer.Option(help="What is kept for viewers that come late; the oldest goes.")] = "256MB",
-    rate: Annotated[float, typer.Option(min=0.1, max=100, help="Frames a second, at most.")] = 25.0,
+    memory: Annotated[
+        str,
+        typer.Option(envvar="RACKHAND_VIEWER_MEMORY", help="What is kept for viewers that come late; the oldest goes."),
+    ] = "256MB",
+    rate: Annotated[
+        float, typer.Option(envvar="RACKHAND_VIEWER_RATE", min=0.1, max=100, help="Frames a second, at most.")
+    ] = 25.0,
     save: Annotated[Path | None, typer.Option(help="Write everything to this .rrd file, too.")] = None,
     serve: Annotated[bool, typer.Option(help="Serve viewers.")] = True,
 ) -> None:

@@ -12,11 +12,12 @@ from schemas.base import Quaternion, Vec3
 from schemas.motion import ArmModel, Holder, MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
 from schemas.orientation import TaskPose, quaternion
 from services.viewer import colours
-from services.viewer.items import Drawing, Item, Level, Note, Pose, Row
-from services.viewer.shapes import curves, line
+from services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
+from services.viewer.shapes import curves, line, name_tag
 from services.viewer.trail import Trail
 
 TRAIL_STEP, TRAIL_POINTS = 0.01, 400
+NAME_HEIGHT = -0.3  # m over the base: on the pedestal
 _AXES = {"mount": 0.15, "tool": 0.12, "target": 0.08}  # frame → length of its axes, m
 _CURVES = (
     ("error/linear", "tool off its target, mm", colours.FIRST),
@@ -57,10 +58,16 @@ class ArmView:
     def _at(self, name: str) -> str:
         return f"{self.robot}/{name}"
 
+    def _frame(self, name: str) -> str:
+        return told_frame(self.robot, name)
+
     def begin(self) -> Iterable[Item]:
         """What holds for as long as the arm is drawn: axes of its frames, and the names of its curves."""
+        yield Drawing(self._at("name"), (name_tag(self.robot, NAME_HEIGHT),), frame=self._frame("mount"), static=True)
         for name, length in _AXES.items():
-            yield Drawing(self._at(f"frames/{name}"), (rr.TransformAxes3D(length),), frame=self._at(name), static=True)
+            yield Drawing(
+                self._at(f"frames/{name}"), (rr.TransformAxes3D(length),), frame=self._frame(name), static=True
+            )
         for entity, name, colour in _CURVES:
             yield curves(self._at(entity), [name], [colour])
         for entity, unit in (("position", "rad"), ("velocity", "rad/s"), ("error", "rad")):
@@ -69,7 +76,7 @@ class ArmView:
 
     def model(self, model: ArmModel) -> Iterable[Item]:
         self.stand = replace(self.stand, position=model.position, orientation=model.orientation)
-        yield Pose(self._at("mount"), model.position, model.orientation)
+        yield Pose(self._frame("mount"), model.position, model.orientation)
 
     def status(self, status: MotionStatus) -> Iterable[Item]:
         before, self._status = self._status, status
@@ -84,10 +91,10 @@ class ArmView:
         position: Vec3 = pose.position
         if not len(self._trail):
             self.stand = replace(self.stand, tool=position)
-        yield Pose(self._at("tool"), position, quaternion(pose.orientation.rotation()), parent=self._at("mount"))
+        yield Pose(self._frame("tool"), position, quaternion(pose.orientation.rotation()), parent=self._frame("mount"))
         if self._trail.add(position):
             trail = line(self._trail.points, colours.TRAIL, 2.0)
-            yield Drawing(self._at("trail"), (trail,), frame=self._at("mount"), lasting=True)
+            yield Drawing(self._at("trail"), (trail,), frame=self._frame("mount"), lasting=True)
 
     def _said(self, before: MotionStatus | None, status: MotionStatus) -> Iterable[Note]:
         held, was_held = _holder(status.holder), _holder(before.holder if before is not None else None)
@@ -97,10 +104,10 @@ class ArmView:
         if runs != (before is not None and bool(before.is_trajectory_running.value)):
             yield self._note("a trajectory runs" if runs else "the trajectory is done")
         if status.stopped_by and (before is None or status.stopped_by != before.stopped_by):
-            yield self._note(f"stopped by {status.stopped_by}", "ERROR")
+            yield self._note(f"stopped by {_short(status.stopped_by)}", "ERROR")
 
     def diagnostics(self, told: MotionDiagnostics) -> Iterable[Item]:
-        yield Pose(self._at("target"), told.target_position, told.target_orientation, parent=self._at("mount"))
+        yield Pose(self._frame("target"), told.target_position, told.target_orientation, parent=self._frame("mount"))
         yield Row(self._at("joints/error"), told.joint_errors)
         yield Row(self._at("error/linear"), (1e3 * told.linear_error,))
         yield Row(self._at("error/angular"), (1e3 * told.angular_error,))
@@ -111,17 +118,19 @@ class ArmView:
 
     def path(self, path: MotionPath) -> Iterable[Item]:
         ends = path.points[[end for end in path.ends if end < len(path.points)]]
-        yield Drawing(self._at("path"), (line(path.points, colours.PATH, 3.0),), frame=self._at("mount"), lasting=True)
+        yield Drawing(
+            self._at("path"), (line(path.points, colours.PATH, 3.0),), frame=self._frame("mount"), lasting=True
+        )
         marks = rr.Points3D(ends, colors=colours.TARGET, radii=rr.Radius.ui_points(5.0))
-        yield Drawing(self._at("way_points"), (marks,), frame=self._at("mount"), lasting=True)
+        yield Drawing(self._at("way_points"), (marks,), frame=self._frame("mount"), lasting=True)
 
     def event(self, event: MotionEvent) -> Iterable[Item]:
         info = event.info
-        text = f"{_EVENTS[event.name]} {info.client} (priority {info.priority})"
+        text = f"{_EVENTS[event.name]} {_short(info.client)} (priority {info.priority})"
         if info.kind:
             text = f"{info.kind}: {text}"
         if info.reason:
-            text += f": {info.reason}" + (f" by {info.by}" if info.by else "")
+            text += f": {info.reason}" + (f" by {_short(info.by)}" if info.by else "")
         yield self._note(text, _LEVELS.get(event.name))
 
     def _note(self, text: str, level: Level | None = None) -> Note:
@@ -129,4 +138,9 @@ class ArmView:
 
 
 def _holder(holder: Holder | None) -> str:
-    return f"{holder.client} at priority {holder.priority}" if holder is not None else ""
+    return f"{_short(holder.client)} at priority {holder.priority}" if holder is not None else ""
+
+
+def _short(client: str) -> str:
+    """Clients without a name of their own have a long one."""
+    return client if len(client) <= 16 else f"{client[:12]}…"

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from services.viewer.geometry import rotation_matrices
-from services.viewer.items import MAP, TIMELINE
+from services.viewer.items import BUS_LOG, MAP, TIMELINE
 from services.viewer.picture import Cast
 
 EMPTY_HALL = ((-5.0, -5.0, 0.0), (5.0, 5.0, 1.0))
@@ -23,14 +23,39 @@ _WINDOW = rrb.VisibleTimeRange(
 _BACKGROUND = rrb.Background(color=(28, 31, 38))
 
 
+# What the views look at, by the name of its robot.
+CHASSIS_SHAPES = ("name", "footprint", "scan", "map", "overlays", "costmap", "path", "trail", "target")
+ARM_SHAPES = ("name", "path", "way_points", "trail", "frames/mount", "frames/tool", "frames/target")
+CHASSIS_PLOTS = {
+    "Speed": ("speed/forward", "speed/forward_wanted", "speed/turning", "speed/turning_wanted"),
+    "Battery and jack": ("charge/battery", "charge/jack"),
+}
+ARM_PLOTS = {
+    "Joint speeds": ("joints/velocity",),
+    "Tracking error": ("error/linear", "error/angular"),
+    "Time of a tick and of the solver": ("loop/tick", "loop/solver"),
+    "Solver iterations, late ticks": ("counts/iterations", "counts/late_ticks"),
+}
+LOG = "log"
+SCENE, FRAMES = "scene", "tf"
+BUS_PLOTS = {"Lost: pushed out unread, or malformed": "bus/lost", "Received": "bus/received"}
+Paths = tuple[str, ...]
+
+
+def shown(cast: Cast) -> Paths:
+    """Every entity that the layout looks at. Under ``SCENE`` and the entities of ``BUS_PLOTS`` there is one a thing."""
+    chassis = (*CHASSIS_SHAPES, *_flat(CHASSIS_PLOTS.values()), LOG)
+    arm = (*ARM_SHAPES, *_flat(ARM_PLOTS.values()), LOG)
+    return (
+        *_of(cast.chassis, chassis if cast.chassis else ()),
+        *_of(cast.arms, arm if cast.arms else ()),
+        *(SCENE, FRAMES, *BUS_PLOTS.values(), BUS_LOG),
+    )
+
+
 def blueprint(cast: Cast) -> rrb.Blueprint:
     """The layout for those who are to be seen."""
-    tabs: list[rrb.Container | rrb.View] = []
-    if cast.chassis:
-        tabs.append(_driving(cast))
-    if cast.arms:
-        tabs.append(_arm(cast))
-    tabs.append(_bus())
+    tabs = [*([_driving(cast)] if cast.chassis else ()), *([_arm(cast)] if cast.arms else ()), _bus()]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
@@ -42,15 +67,12 @@ def blueprint(cast: Cast) -> rrb.Blueprint:
 
 def _driving(cast: Cast) -> rrb.Container:
     robots = cast.chassis
-    below = [f"- /{arm}/frames/**" for arm in cast.arms]
+    shapes = (*_of(robots, CHASSIS_SHAPES), *_of(cast.arms, ("name", "path", "trail")))
+    above = tuple(shape for shape in shapes if not shape.endswith("/name"))
+    speed, charge = (_plot(name, _of(robots, entities)) for name, entities in CHASSIS_PLOTS.items())
     return rrb.Horizontal(
-        rrb.Vertical(_scene("Cell", cast, below, _overview(cast)), _log("Moves", robots), row_shares=[4, 1]),
-        rrb.Vertical(
-            _scene("From above", cast, [*below, "- /scene/world/**"], _from_above(cast)),
-            _plot("Speed", robots, "speed"),
-            _plot("Battery and jack", robots, "charge", (0, 100)),
-            row_shares=[2, 1, 1],
-        ),
+        rrb.Vertical(_space("Cell", shapes, _overview(cast)), _log("Moves", _of(robots, (LOG,))), row_shares=[4, 1]),
+        rrb.Vertical(_space("From above", above, _from_above(cast)), speed, charge, row_shares=[2, 1, 1]),
         column_shares=[2, 1],
         name="Driving",
     )
@@ -58,52 +80,48 @@ def _driving(cast: Cast) -> rrb.Container:
 
 def _arm(cast: Cast) -> rrb.Container:
     arms = cast.arms
+    shapes = (*_of(arms, ARM_SHAPES), *_of(cast.chassis, ("name", "footprint", "scan", "path")))
     return rrb.Horizontal(
-        rrb.Vertical(_scene("Arm", cast, [], _close_up(cast)), _log("Control", arms), row_shares=[4, 1]),
-        rrb.Vertical(
-            _plot("Joint speeds", arms, "joints/velocity"),
-            _plot("Tracking error", arms, "error"),
-            _plot("Time of a tick and of the solver", arms, "loop"),
-            _plot("Iterations, late ticks", arms, "counts"),
-        ),
+        rrb.Vertical(_space("Arm", shapes, _close_up(cast)), _log("Control", _of(arms, (LOG,))), row_shares=[4, 1]),
+        rrb.Vertical(*(_plot(name, _of(arms, entities)) for name, entities in ARM_PLOTS.items())),
         column_shares=[3, 2],
         name="Arm",
     )
 
 
 def _bus() -> rrb.Container:
+    plots = (_plot(name, (f"{entity}/**",)) for name, entity in BUS_PLOTS.items())
     return rrb.Vertical(
-        rrb.Horizontal(
-            rrb.TimeSeriesView(
-                origin="/bus/lost",
-                name="Lost: pushed out unread, or malformed",
-                plot_legend=_LEGEND,
-                time_ranges=_WINDOW,
-            ),
-            rrb.TimeSeriesView(origin="/bus/received", name="Received", plot_legend=_LEGEND, time_ranges=_WINDOW),
-        ),
-        rrb.TextLogView(origin="/bus/log", name="Who came and went"),
-        row_shares=[2, 1],
-        name="Bus",
+        rrb.Horizontal(*plots), _log("Who came and went, and time", (BUS_LOG,)), row_shares=[2, 1], name="Bus"
     )
 
 
-def _plot(name: str, robots: Sequence[str], entity: str, span: tuple[float, float] | None = None) -> rrb.View:
-    contents = [f"/{robot}/{entity}/**" for robot in robots]
-    axis = rrb.ScalarAxis(range=span) if span else None
+def _of(robots: Iterable[str], names: Iterable[str]) -> Paths:
+    return tuple(f"{robot}/{name}" for robot in robots for name in names)
+
+
+def _flat(groups: Iterable[Paths]) -> Paths:
+    return tuple(name for group in groups for name in group)
+
+
+def _contents(entities: Paths) -> list[str]:
+    return [f"+ /{entity}" for entity in entities]
+
+
+def _plot(name: str, entities: Paths) -> rrb.View:
     return rrb.TimeSeriesView(
-        origin="/", contents=contents, name=name, axis_y=axis, plot_legend=_LEGEND, time_ranges=_WINDOW
+        origin="/", contents=_contents(entities), name=name, plot_legend=_LEGEND, time_ranges=_WINDOW
     )
 
 
-def _log(name: str, robots: Sequence[str]) -> rrb.View:
-    return rrb.TextLogView(origin="/", contents=[f"/{robot}/log" for robot in robots], name=name)
+def _log(name: str, entities: Paths) -> rrb.View:
+    return rrb.TextLogView(origin="/", contents=_contents(entities), name=name)
 
 
-def _scene(name: str, cast: Cast, without: Sequence[str], eye: rrb.EyeControls3D) -> rrb.View:
+def _space(name: str, shapes: Paths, eye: rrb.EyeControls3D) -> rrb.View:
     return rrb.Spatial3DView(
         origin="/",
-        contents=["/scene/**", "/tf", *(f"/{robot}/**" for robot in (*cast.chassis, *cast.arms)), *without],
+        contents=_contents((f"{SCENE}/**", FRAMES, *shapes)),
         name=name,
         background=_BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=False),
@@ -119,7 +137,7 @@ def _overview(cast: Cast) -> rrb.EyeControls3D:
     """From the south, high enough to look over walls."""
     low, high = np.array(cast.bounds or EMPTY_HALL)
     middle, reach = (low + high) / 2, float(np.max((high - low)[:2]))
-    position = middle + np.array([-0.12, -0.62, 0.62]) * reach
+    position = middle + np.array([-0.1, -0.6, 0.62]) * reach
     return rrb.EyeControls3D(position=position, look_target=(middle[0], middle[1], 0.0), eye_up=(0, 0, 1))
 
 
@@ -127,18 +145,19 @@ def _from_above(cast: Cast) -> rrb.EyeControls3D:
     low, high = np.array(cast.bounds or EMPTY_HALL)
     middle, reach = (low + high) / 2, float(np.max((high - low)[:2]))
     return rrb.EyeControls3D(
-        position=(middle[0], middle[1] - 0.01, 1.15 * reach), look_target=(middle[0], middle[1], 0), eye_up=(0, 1, 0)
+        position=(middle[0], middle[1] - 0.01, 0.95 * reach), look_target=(middle[0], middle[1], 0), eye_up=(0, 1, 0)
     )
 
 
 def _close_up(cast: Cast) -> rrb.EyeControls3D:
-    """Beside the first arm, in front of its tool."""
+    """Beside the first arm and in front of its tool; on that side of it where there is more room."""
     stand = cast.stands[0]
     turn = rotation_matrices(np.array([stand.orientation]))[0]
     base, tool = np.array(stand.position), turn @ np.array(stand.tool)
     ahead = np.array([*tool[:2], 0.0]) / max(float(np.hypot(*tool[:2])), 1e-6)
     aside = np.array([-ahead[1], ahead[0], 0.0])
-    target = base + 0.35 * ahead + np.array([0.0, 0.0, 0.2])
-    return rrb.EyeControls3D(
-        position=target + 1.1 * ahead + 1.5 * aside + np.array([0.0, 0.0, 0.7]), look_target=target, eye_up=(0, 0, 1)
-    )
+    target = base + 0.35 * ahead + np.array([0.0, 0.0, 0.15])
+    low, high = np.array(cast.bounds or EMPTY_HALL)
+    eyes = [target + 0.8 * ahead + side * 1.3 * aside + np.array([0.0, 0.0, 0.6]) for side in (1, -1)]
+    eye = max(eyes, key=lambda eye: float(np.minimum(eye - low, high - eye)[:2].min()))
+    return rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0, 0, 1))

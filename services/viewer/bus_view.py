@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from schemas.service import BusStats, ServiceId
-from services.viewer.items import Item, Note, Row
-
-LOG = "bus/log"
+from services.viewer.items import BUS_LOG, Item, Note, Row
 
 
 class BusView:
@@ -27,4 +25,4 @@ class BusView:
 
 
 def presence(service: ServiceId, alive: bool) -> Note:
-    return Note(LOG, f"{service} is {'there' if alive else 'gone'}", "INFO" if alive else "WARN")
+    return Note(BUS_LOG, f"{service} is {'there' if alive else 'gone'}", "INFO" if alive else "WARN")

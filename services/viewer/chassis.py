@@ -27,15 +27,15 @@ from schemas.fail_reasons import MoveFailReason
 from schemas.maps import CurrentMap
 from schemas.moves import MoveEvent, PlannedPath, PlanningState
 from services.viewer import colours
-from services.viewer.items import Drawing, Item, Level, Note, Pose, Row
+from services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
 from services.viewer.maps import map_drawings
-from services.viewer.shapes import curves, line
+from services.viewer.shapes import curves, line, name_tag
 from services.viewer.trail import Trail
 
 # Heights that keep flat things apart (m): a costmap over the map, lines over both. A 2-D lidar tells no height of its
 # own; its returns are drawn about as high as a low chassis carries one.
 COSTMAP_Z, LINE_Z, SCAN_Z = 0.012, 0.03, 0.18
-BODY_HEIGHT = 0.25
+BODY_HEIGHT, NAME_HEIGHT = 0.25, 1.2
 TRAIL_STEP, TRAIL_POINTS = 0.1, 500
 KNOWN_POSES = 8
 
@@ -54,13 +54,14 @@ class ChassisView:
     @property
     def frame(self) -> str:
         """Where the robot believes to be."""
-        return f"{self.robot}/localised"
+        return told_frame(self.robot, "localised")
 
     def _at(self, name: str) -> str:
         return f"{self.robot}/{name}"
 
     def begin(self) -> Iterable[Item]:
         """What holds for as long as the robot is drawn: the names of its curves."""
+        yield Drawing(self._at("name"), (name_tag(self.robot, NAME_HEIGHT),), frame=self.frame, static=True)
         for entity, name, colour in _CURVES:
             yield curves(self._at(entity), [name], [colour])
 
@@ -161,7 +162,7 @@ class ChassisView:
         if status.emergency_stop != before.emergency_stop:
             said = "emergency stop" if status.emergency_stop else "emergency stop released"
             yield self._note(said, "ERROR" if status.emergency_stop else None)
-        if status.driver_alive != before.driver_alive:
+        if status.driver_alive != before.driver_alive and before.stamp:  # at the start it is only not there yet
             yield self._note(
                 f"the driver is {'back' if status.driver_alive else 'gone'}", None if status.driver_alive else "ERROR"
             )

@@ -12,6 +12,7 @@ from schemas.base import Quaternion, Vec3
 
 MAP = "map"
 TIMELINE = "sim_time"
+BUS_LOG = "bus/log"
 Level = Literal["INFO", "WARN", "ERROR"]
 
 
@@ -55,6 +56,11 @@ class Note:
     entity: str
     text: str
     level: Level = "INFO"
+
+
+def told_frame(robot: str, name: str) -> str:
+    """A frame as the robot itself tells it. Bodies of a simulator have names with slashes: none is called so."""
+    return f"{robot}:{name}"
 
 
 Item = Drawing | Pose | Row | Note

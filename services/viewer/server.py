@@ -16,6 +16,7 @@ from urllib.parse import quote
 import rerun_cli
 
 PR_SET_PDEATHSIG = 1
+EVERYWHERE = ("0.0.0.0", "::")
 PATIENCE = 20.0
 # Rerun phones home, but for machines of continuous integration.
 SILENT = {"CI": "true", "RUST_LOG": "error", "NO_COLOR": "1"}
@@ -33,13 +34,18 @@ class Server:
         self._memory = memory
 
     @property
+    def near(self) -> str:
+        """The address at which this machine reaches it."""
+        return "127.0.0.1" if self.host in EVERYWHERE else self.host
+
+    @property
     def data_url(self) -> str:
-        """For recordings and native viewers on this machine."""
-        return f"rerun+http://127.0.0.1:{self.data_port}/proxy"
+        """For recordings and native viewers."""
+        return f"rerun+http://{self.near}:{self.data_port}/proxy"
 
     @property
     def page_url(self) -> str:
-        return f"http://127.0.0.1:{self.web_port}/?url={quote(self.data_url, safe='')}"
+        return f"http://{self.near}:{self.web_port}/?url={quote(self.data_url, safe='')}"
 
     @property
     def ended(self) -> bool:
@@ -49,6 +55,7 @@ class Server:
         command = [str(Path(rerun_cli.__file__).with_name("rerun")), "--serve-web", "--bind", self.host]
         command += ["--port", str(self.data_port), "--web-viewer-port", str(self.web_port)]
         command += ["--server-memory-limit", self._memory]
+        command += ["--cors-allow-origin", f"http://*:{self.web_port}"]  # of its own page, whatever this machine's name
         self._child = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -73,16 +80,19 @@ class Server:
     def _wait(self) -> None:
         """Until both ports are open."""
         deadline = time.monotonic() + PATIENCE
-        while not all(_accepts(port) for port in (self.data_port, self.web_port)):
+        while not all(_accepts(self.near, port) for port in (self.data_port, self.web_port)):
             if self.ended or time.monotonic() > deadline:
                 self.__exit__(None, None, None)
                 raise CannotServe(f"no Rerun server on {self.host}, ports {self.web_port} and {self.data_port}")
             time.sleep(0.05)
 
 
-def _accepts(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
+def _accepts(host: str, port: int) -> bool:
+    try:
+        socket.create_connection((host, port), timeout=1.0).close()
+    except OSError:
+        return False
+    return True
 
 
 def _die_with_parent() -> None:

@@ -28,6 +28,7 @@ log = get_logger(__name__)
 
 READ_AHEAD = 1024  # events a frame takes in at most
 ROWS_EVERY, REPEAT_EVERY = 0.4, 5.0  # seconds of wall time
+SETTLED = 0.5  # seconds of wall time without anybody new
 CLOCK_PATIENCE = 1.0  # seconds of wall time after which a cell without a clock is drawn
 AHEAD = 5 * NANOSECONDS  # what is stamped later than this after the clock is of a run that is over
 
@@ -60,7 +61,7 @@ def run(settings: Settings) -> int:
                 return 1
         bus = stack.enter_context(Bus(ServiceId(service, CELL)))
         bus.handle_signals()
-        viewer = Viewer(bus, _recordings(settings, server), settings.rate)
+        viewer = Viewer(bus, _recordings(settings, server), settings.rate, settings.save is not None)
         bus.announce()
         if server is not None:
             log.info("serving", url=server.page_url)
@@ -91,24 +92,43 @@ def numbered(path: Path, number: int) -> Path:
     return path if number == 1 else path.with_name(f"{path.stem}.{number}{path.suffix}")
 
 
-class Viewer:
-    """Wires the bus to recordings, one a run. ``new_recording``: name of the run → where it is written."""
+class Every:
+    """True once in so many seconds, first when they have passed."""
 
-    def __init__(self, bus: Bus, new_recording: Callable[[str], Recording], rate: float) -> None:
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._due: float | None = None
+
+    def __call__(self, wall: float) -> bool:
+        passed = self._due is not None and wall >= self._due
+        if passed or self._due is None:
+            self._due = wall + self._seconds
+        return passed
+
+
+class Viewer:
+    """Wires the bus to recordings, one a run. ``new_recording``: name of the run → where it is written. Viewers that
+    are served keep their layout from run to run; files each need their own (``layout_each_run``).
+    """
+
+    def __init__(
+        self, bus: Bus, new_recording: Callable[[str], Recording], rate: float, layout_each_run: bool = False
+    ) -> None:
         self._bus, self._new_recording, self._period = bus, new_recording, 1.0 / rate
         self._inbox = bus.inbox()
         for topic in DRAWN:
             self._inbox.subscribe(topic, depth=unread(topic))
         self._inbox.watch_services()
         self._recording: Recording | None = None
-        self._picture, self._cast = Picture(), Cast()
+        self._picture, self._cast, self._cast_since = Picture(), Cast(), 0.0
         self._run: str | None = None  # as the clock names it; None without a clock
         self._now = 0
         self._waiting: list[Event] = []  # before it is known which run it is
         self._waiting_since: float | None = None
         self._timeless: dict[tuple[str, str], Sample] = {}
-        self._rows_due = self._repeat_due = 0.0
+        self._rows_due, self._repeat_due = Every(ROWS_EVERY), Every(REPEAT_EVERY)
         self._layout: Cast | None = None
+        self._layout_each_run = layout_each_run
 
     def run(self, alive: Callable[[], bool] = lambda: True) -> None:
         """Draw until the bus stops, or what is drawn on is not ``alive`` any more."""
@@ -134,16 +154,19 @@ class Viewer:
             self._wait_for_clock(events, wall)
             return
         self._recording.write(self._drawn(events))
-        if self._picture.cast != self._layout:
-            self._layout = self._picture.cast
-            self._recording.show(blueprint(self._layout))
-        if wall >= self._rows_due:
-            self._rows_due = wall + ROWS_EVERY
+        self._lay_out(self._recording, wall)
+        if self._rows_due(wall):
             self._recording.flush_rows()
-        if wall >= self._repeat_due:
-            self._repeat_due = wall + REPEAT_EVERY
-            if events:
-                self._recording.repeat(self._now)
+        if events and self._repeat_due(wall):
+            self._recording.repeat(self._now)
+
+    def _lay_out(self, recording: Recording, wall: float) -> None:
+        """Once it is clear who is there: each layout is kept for ever, and replaces what users made of the last."""
+        if self._picture.cast != self._cast:
+            self._cast, self._cast_since = self._picture.cast, wall
+        if self._cast != self._layout and wall - self._cast_since >= SETTLED:
+            self._layout = self._cast
+            recording.show(blueprint(self._layout))
 
     def _heard(self) -> list[Event]:
         events: list[Event] = []
@@ -166,6 +189,8 @@ class Viewer:
             self._recording.close()
         self._run = run
         self._picture = Picture()
+        if self._layout_each_run:
+            self._layout = None
         self._recording = self._new_recording(run or "")
         self._recording.write(self._drawn(list(self._timeless.values())))
 

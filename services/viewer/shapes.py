@@ -17,6 +17,11 @@ def line(points: NDArray[np.floating], colour: Colour, width: float) -> rr.LineS
     return rr.LineStrips3D([points] if len(points) > 1 else [], colors=colour, radii=rr.Radius.ui_points(width))
 
 
+def name_tag(name: str, height: float) -> rr.Points3D:
+    """What something is called, over the origin of its frame."""
+    return rr.Points3D([(0.0, 0.0, height)], radii=0.0, colors=(255, 255, 255, 255), labels=[name], show_labels=True)
+
+
 def curves(entity: str, names: Sequence[str], colours: Sequence[Colour]) -> Drawing:
     """What the curves of a plot are called, and their colours."""
     lines = rr.SeriesLines(names=names, colors=colours, widths=1.5)

@@ -6,9 +6,7 @@ from collections.abc import Iterable
 
 from schemas.world import Clock, Objects, Scene, SceneGeom
 from services.viewer.geometry import Bounds, Group, bounds, draw, grouped, is_same
-from services.viewer.items import Item, Note, Pose
-
-LOG = "bus/log"
+from services.viewer.items import BUS_LOG, Item, Note, Pose
 
 
 class WorldView:
@@ -41,4 +39,4 @@ class WorldView:
         if pace != self._pace:
             self._pace = pace
             speed = "as fast as possible" if clock.speed is None else f"at {clock.speed:g} x real time"
-            yield Note(LOG, "the world stands: paused" if clock.paused else f"the world runs {speed}")
+            yield Note(BUS_LOG, "the world stands: paused" if clock.paused else f"the world runs {speed}")

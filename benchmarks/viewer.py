@@ -1,0 +1,201 @@
+"""What the live view costs: its memory over an hour of simulation, and what a cell loses by it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from benchmarks.report import Report, median
+from bus import Bus, Inbox, Presence, Sample
+from schemas import topics
+from schemas.base import NANOSECONDS
+from schemas.moves import TERMINAL
+from schemas.service import CELL, ServiceId
+from tests.ports import free_port
+from tests.system.cell import Cell
+from tests.system.driving import Driver
+from tests.system.judge import Judge, standard
+
+GOALS = ((9.0, 7.3), (2.5, 7.3))
+HOUR, READINGS = 3600.0, 6  # of simulation
+MEMORY = "64MB"
+ROUNDS, SEGMENT = 5, 12.0  # with and without, alternating; seconds of wall time each
+PATIENCE = 60.0
+
+
+def run() -> Report:
+    speeds = compared("max", speed_of)
+    late = compared("1", late_ticks_of)
+    rows = [
+        _row("speed of the cell at `--speed max`, x real time", speeds),
+        _row("late ticks of the controller, a minute, at real time", late),
+        *memory_rows(),
+    ]
+    return Report(
+        "What the live view costs",
+        "python -m benchmarks viewer",
+        ("what", "without", "with", "ratio"),
+        rows,
+        f"World `warehouse`, robot and arm at work. Speed and late ticks: medians of {ROUNDS} segments of "
+        f"{SEGMENT:.0f} s with the viewer and {ROUNDS} without, alternating in one cell. Memory: resident, of the "
+        f"viewer and of Rerun's server, which keeps {MEMORY} for viewers that come late; its ratio is to the first "
+        "reading.",
+    )
+
+
+def _row(what: str, measured: dict[bool, list[float]]) -> tuple[str, ...]:
+    off, on = median(measured[False]), median(measured[True])
+    return what, f"{off:.1f}", f"{on:.1f}", f"{on / off:.3f}" if off else "-"
+
+
+# -- with and without --------------------------------------------------------------------------------------------------
+
+
+def compared(speed: str, measure: Any) -> dict[bool, list[float]]:
+    """A value of each segment, by whether the viewer ran."""
+    measured: dict[bool, list[float]] = {False: [], True: []}
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Cell(Path(folder), "--speed", speed) as cell,
+        Judge(cell.bus) as judge,
+        Bus(ServiceId("bench", CELL), cell.bus_config()) as bus,
+    ):
+        work = Work(cell, judge)
+        work.go_on()
+        for number in range(2 * ROUNDS):
+            seen = number % 4 in (1, 2)  # off, on, on, off …: what drifts is in both
+            if seen:
+                with viewer(cell, bus):
+                    measured[seen].append(measure(work, bus))
+            else:
+                measured[seen].append(measure(work, bus))
+        work.end()
+    return measured
+
+
+def speed_of(work: Work, _bus: Bus) -> float:
+    """Simulated seconds a second."""
+    begun, stamp = time.perf_counter(), work.judge.now()
+    work.for_wall_seconds(SEGMENT)
+    return (work.judge.now() - stamp) / (time.perf_counter() - begun)
+
+
+def late_ticks_of(work: Work, bus: Bus) -> float:
+    """A minute of wall time."""
+    inbox = bus.inbox().subscribe(topics.MOTION_DIAGNOSTICS, "arm1", depth=1)
+    before, begun = _late(inbox), time.perf_counter()
+    work.for_wall_seconds(SEGMENT)
+    _late(inbox)  # the one that has waited since
+    counted = _late(inbox) - before
+    inbox.close()
+    return counted * 60.0 / (time.perf_counter() - begun)
+
+
+def _late(inbox: Inbox) -> int:
+    event = inbox.get(timeout=PATIENCE)
+    assert isinstance(event, Sample), "the controller tells nothing"
+    return int(event.message.late_ticks)
+
+
+@contextmanager
+def viewer(cell: Cell, bus: Bus, memory: str = MEMORY) -> Iterator[int]:
+    """The viewer on a cell that runs; its pid."""
+    presence = bus.inbox().watch_services()
+    command = [sys.executable, "-m", "services.viewer", "--memory", memory]
+    command += ["--web-port", str(free_port()), "--data-port", str(free_port())]
+    environment = {**os.environ, "RACKHAND_BUS_CONNECT": cell.bus}
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+    try:
+        while (event := presence.get(timeout=PATIENCE)) != Presence(ServiceId("viewer", CELL), alive=True):
+            assert event is not None, "no viewer came"
+        yield process.pid
+    finally:
+        presence.close()
+        process.send_signal(signal.SIGTERM)
+        process.wait(timeout=PATIENCE)
+
+
+# -- memory ------------------------------------------------------------------------------------------------------------
+
+
+def memory_rows() -> list[tuple[str, ...]]:
+    """Resident memory while an hour of simulation passes."""
+    rows = []
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Cell(Path(folder), "--speed", "max") as cell,
+        Judge(cell.bus) as judge,
+        Bus(ServiceId("bench", CELL), cell.bus_config()) as bus,
+        viewer(cell, bus) as pid,
+    ):
+        work = Work(cell, judge)
+        first = 0.0
+        for reading in range(1, READINGS + 1):
+            work.until_simulated(reading * HOUR / READINGS)
+            own, server = resident(pid), sum(map(resident, children(pid)))
+            first = first or own + server
+            minutes = reading * HOUR / READINGS / 60
+            told = f"{own:.0f} + {server:.0f} MB"
+            print(f"  after {minutes:.0f} min of simulation: {told}", file=sys.stderr, flush=True)
+            rows.append((f"memory after {minutes:.0f} min of simulation", "", told, f"{(own + server) / first:.2f}"))
+        work.end()
+    return rows
+
+
+def resident(pid: int) -> float:
+    """MB."""
+    fields = dict(line.split(":", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines())
+    return int(fields["VmRSS"].split()[0]) / 1024
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+# -- work --------------------------------------------------------------------------------------------------------------
+
+
+class Work:
+    """Keeps robot and arm busy."""
+
+    def __init__(self, cell: Cell, judge: Judge) -> None:
+        self.judge = judge
+        self._driver = Driver(cell, judge)
+        self._driver.wait(lambda world: len(world.participants) == 2, "both have joined")
+        self._moves, self._move = 0, 0
+        self._home = self._arm()["jointPositions"]["value"]
+
+    def go_on(self) -> None:
+        """The next move where the last has ended, the next path where none runs."""
+        if not self._move or self._driver.move(self._move)["state"] in TERMINAL:
+            self._move = self._driver.post(standard(*GOALS[self._moves % 2]))
+            self._moves += 1
+        if not self._arm()["isTrajectoryRunning"]["value"]:
+            path = 20 * [[q + 0.5 for q in self._home], self._home]
+            command = {"command": "appendPath", "priority": 10, "type": "joints", "data": path}
+            self._driver.request("POST", "/motion/arm1/command", command)
+
+    def for_wall_seconds(self, seconds: float) -> None:
+        end = time.perf_counter() + seconds
+        while time.perf_counter() < end:
+            self.go_on()
+            time.sleep(0.5)
+
+    def until_simulated(self, seconds: float) -> None:
+        while self.judge.inspect().clock.stamp < seconds * NANOSECONDS:
+            self.go_on()
+            time.sleep(0.5)
+
+    def end(self) -> None:
+        self._driver.close()
+
+    def _arm(self) -> dict[str, Any]:
+        return dict(self._driver.request("GET", "/motion/arm1/status"))

@@ -1,0 +1,188 @@
+"""The live view of a whole cell: what is recorded is what was, whenever a viewer comes, and whatever becomes of it."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import httpx
+
+from bus import Bus, Presence, Sample
+from schemas import topics
+from schemas.base import NANOSECONDS
+from schemas.service import CELL, ServiceId
+from schemas.world import Objects
+from services.viewer.blueprint import shown
+from services.viewer.picture import Cast
+from tests.system.cell import ROOT, Cell
+from tests.system.driving import Driver
+from tests.system.judge import Judge, standard
+from tests.viewer import native, reading
+
+CAST = Cast(chassis=("amr1",), arms=("arm1",))
+PATIENCE = 60.0
+
+
+@contextmanager
+def recorder(cell: Cell, judge_bus: Bus, file: Path) -> Iterator[None]:
+    """``rackhand record``, from when it is on the bus until it has written everything."""
+    inbox = judge_bus.inbox().watch_services()
+    command = [sys.executable, "-m", "services.launch", "record", str(file), "--state-dir", str(cell.state_dir)]
+    process = subprocess.Popen(command, cwd=ROOT)
+    try:
+        there = Presence(ServiceId("recorder", CELL), alive=True)
+        while (event := inbox.get(timeout=PATIENCE)) != there:
+            assert event is not None, "no recorder came"
+        yield
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(PATIENCE) == 0
+    finally:
+        process.kill()
+        process.wait()
+
+
+def command_arm(driver: Driver, **request: Any) -> None:
+    answer = driver.request("POST", "/motion/arm1/command", {"priority": 10, **request})
+    assert answer["message"] is True or answer["message"]["code"] == 200, answer
+
+
+def wait_until_joined(driver: Driver) -> None:
+    driver.wait(lambda world: len(world.participants) == 2, "both have joined")
+
+
+def work(driver: Driver) -> int:
+    """A move for the chassis, a path for the arm. Returns the id of the move."""
+    move = driver.post(standard(7.0, 1.6, 0.0))
+    status = driver.request("GET", "/motion/arm1/status")
+    start = status["jointPositions"]["value"]
+    command_arm(driver, command="lockControl", keepAlive=60.0)
+    command_arm(driver, command="appendPath", type="joints", data=6 * [[q + 0.4 for q in start], start])
+    return move
+
+
+def missing_from(found: set[str]) -> list[str]:
+    """What the layout looks at and is not there. Under some of its entities there is one a thing."""
+    return [entity for entity in shown(CAST) if not any(f"{name}/".startswith(f"{entity}/") for name in found)]
+
+
+def scene_missing_from(found: set[str]) -> list[str]:
+    """The same without the logs: they are history, which ends where memory does."""
+    return [entity for entity in missing_from(found) if not entity.endswith("/log")]
+
+
+def test_the_recording_of_a_lockstep_run_is_what_was(tmp_path: Path) -> None:
+    """All that the layout looks at is there, and every pose in it is the simulator's of that instant."""
+    file = tmp_path / "run.rrd"
+    options = ("--lockstep", "--speed", "max")
+    with Cell(tmp_path, *options) as cell, Judge(cell.bus) as judge:
+        judge.pause()
+        driver = Driver(cell, judge)
+        with Bus(ServiceId("witness", CELL), cell.bus_config()) as bus:
+            truth = bus.inbox().subscribe(topics.OBJECTS, depth=100_000)
+            with recorder(cell, bus, file):
+                wait_until_joined(driver)
+                judge.advance(0.1)
+                work(driver)
+                end = judge.advance(10.0).clock.stamp
+                told = heard_until(truth, end)
+        driver.close()
+
+    assert not missing_from(reading.entities(file))
+    recorded = reading.poses(file)
+    checked = 0
+    for objects in told:
+        for thing in objects.objects:
+            pose = recorded.get((objects.stamp, thing.name))
+            if pose is not None:
+                assert reading.apart(pose, (thing.position, thing.orientation)) <= 1e-6, (objects.stamp, thing.name)
+                checked += 1
+    names = {thing.name for thing in told[-1].objects}
+    moved = {name for name in names if len({recorded[key] for key in recorded if key[1] == name}) > 10}
+    assert {"amr1", "amr1/wheel_left", "amr1/jack", "arm1/wrist_3_link", "anna"} <= moved
+    assert checked > 50 * len(names) / 5, f"{checked} poses compared"
+
+
+def heard_until(truth: Any, stamp: int) -> list[Objects]:
+    found: list[Objects] = []
+    period = round(NANOSECONDS / topics.OBJECTS.rate)
+    while not found or found[-1].stamp <= stamp - period:
+        event = truth.get(timeout=PATIENCE)
+        assert isinstance(event, Sample)
+        found.append(event.message)
+    return found
+
+
+def test_a_late_viewer_sees_the_whole_scene(tmp_path: Path) -> None:
+    """Also when the server has long forgotten the beginning: here it keeps 3 MB, which is some seconds."""
+    native.need_lavapipe()
+    forgetful = {"RACKHAND_VIEWER_MEMORY": "3MB"}
+    with Cell(tmp_path, "--speed", "4", viewer=True, environment=forgetful) as cell, Judge(cell.bus) as judge:
+        driver = Driver(cell, judge)
+        wait_until_joined(driver)
+        work(driver)
+        later = judge.inspect().clock.stamp + 60 * NANOSECONDS
+        driver.wait(lambda world: world.clock.stamp > later, "a minute has passed")
+        driver.close()
+        with native.viewer(cell.viewer_stream) as viewer:
+            native.until(lambda: not scene_missing_from(native.entities(viewer)) or None, "everything is there")
+            begin, _ = native.span(viewer)
+            native.until(lambda: native.colours(viewer.take_screenshot()) > 500 or None, "it is drawn")
+            reports = [report for view in viewer.get_state().views for report in view.reports]
+    assert begin > 10 * NANOSECONDS, "the server has forgotten nothing: this shows nothing"
+    assert not reports
+
+
+def test_a_killed_viewer_disturbs_nothing_and_comes_back(tmp_path: Path) -> None:
+    with Cell(tmp_path, "--speed", "1", viewer=True) as cell, Judge(cell.bus) as judge:
+        driver = Driver(cell, judge)
+        wait_until_joined(driver)
+        others = {name: cell.pid(name) for name in ("router", "sim", "planner", "controller", "gateway")}
+        start = judge.true_pose("amr1")
+        move = work(driver)
+        driver.wait_until_moving(start.x, start.y)
+        former = cell.kill("viewer")
+        cell.wait_until_restarted("viewer", former)
+        late = tmp_path / "late.rrd"
+        cell.wait_for(lambda: is_served(cell.viewer) or None, "the page is back")
+        with native.recording(cell.viewer_stream, late):
+            cell.wait_for(lambda: not missing_from(written(late)) or None, "the whole scene is back")
+        assert driver.finish(move)["state"] == "succeeded"
+        assert {name: cell.pid(name) for name in others} == others
+        assert judge.inspect().contact_count == 0
+        driver.close()
+
+
+def test_what_is_served_is_for_this_machine_only(tmp_path: Path) -> None:
+    with Cell(tmp_path, "--speed", "1", viewer=True) as cell:
+        cell.wait_for(lambda: is_served(cell.viewer) or None, "the page is there")
+        ports = {int(urlsplit(url).port or 0) for url in (cell.viewer, cell.viewer_stream)}
+        for port in ports:
+            assert listeners(port) == {"0100007F"}, "listens on more than 127.0.0.1"
+
+
+def listeners(port: int) -> set[str]:
+    """The addresses somebody listens on with this port, as Linux writes them."""
+    rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    rows += [line.split() for line in Path("/proc/net/tcp6").read_text().splitlines()[1:]]
+    return {row[1].split(":")[0] for row in rows if row[3] == "0A" and int(row[1].split(":")[1], 16) == port}
+
+
+def is_served(url: str) -> bool:
+    try:
+        return bool(httpx.get(url, trust_env=False).is_success)
+    except httpx.HTTPError:
+        return False
+
+
+def written(file: Path) -> set[str]:
+    """What a recorder has written so far; nothing while it is in the middle of a message."""
+    try:
+        return reading.entities(file)
+    except (OSError, ValueError, RuntimeError):
+        return set()

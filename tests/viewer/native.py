@@ -1,0 +1,94 @@
+"""Rerun's native viewer without a window, drawn by the processor: needs Mesa's lavapipe."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+import rerun_cli
+from PIL import Image
+from rerun.experimental import ViewerClient
+
+from tests.ports import free_port
+
+DRIVER = Path("/usr/share/vulkan/icd.d/lvp_icd.x86_64.json")
+RERUN = str(Path(rerun_cli.__file__).with_name("rerun"))
+SILENT = {"CI": "true", "RUST_LOG": "error"}
+PATIENCE = 60.0
+T = TypeVar("T")
+
+
+def need_lavapipe() -> None:
+    """Skips a test where there is none to draw with; in CI that is an error."""
+    if not DRIVER.exists() and not os.environ.get("CI"):
+        pytest.skip(f"needs {DRIVER}: apt install mesa-vulkan-drivers")
+
+
+def entities(client: ViewerClient) -> set[str]:
+    """What the viewer has of the recording that it shows."""
+    schema = client.get_recording_schema(paths_only=True)
+    return {entity.entity_path.removeprefix("/") for entity in schema.entities}
+
+
+def span(client: ViewerClient) -> tuple[int, int]:
+    """The first and the last moment that the viewer has, in ns."""
+    state = client.get_state()
+    shown = next(recording for recording in state.recordings if recording.store_id == state.active_recording)
+    (timeline,) = shown.timelines
+    assert timeline.name == "sim_time" and timeline.start is not None and timeline.end is not None
+    return timeline.start, timeline.end
+
+
+def colours(png: bytes) -> int:
+    """How many there are in a picture."""
+    with Image.open(BytesIO(png)) as image:
+        return len(image.convert("RGB").getcolors(1 << 24) or ())
+
+
+@contextmanager
+def recording(stream: str, file: Path) -> Iterator[None]:
+    """Rerun's own headless recorder on a stream: a viewer that needs nothing to draw with."""
+    command = [RERUN, stream, "--save", str(file)]
+    process = subprocess.Popen(command, env={**os.environ, **SILENT}, stdout=subprocess.DEVNULL)
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait()
+
+
+@contextmanager
+def viewer(stream: str) -> Iterator[ViewerClient]:
+    """A viewer that has opened this stream, or file."""
+    environment = {"VK_ICD_FILENAMES": str(DRIVER), **SILENT}
+    before = {name: os.environ.get(name) for name in environment}
+    os.environ.update(environment)
+    try:
+        client = ViewerClient.spawn(headless=True, port=free_port(), executable_path=RERUN)
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+    try:
+        client.open(stream)
+        yield client
+    finally:
+        client.quit()
+
+
+def until(found: Callable[[], T | None], what: str) -> T:
+    """Poll until there is something. Fails when it never is."""
+    deadline = time.monotonic() + PATIENCE
+    while (value := found()) is None:
+        assert time.monotonic() < deadline, f"waited in vain until {what}"
+        time.sleep(0.2)
+    return value
