@@ -9,7 +9,7 @@ from fastapi import APIRouter, Header, Request, Response, WebSocket
 from fastapi.responses import JSONResponse
 from starlette.websockets import WebSocketDisconnect
 
-from schemas import topics
+from schemas import crf_examples, topics
 from schemas.crf import CrfCode
 from schemas.motion import CrfAnswer, CrfCall
 from services.gateway.context import Context, Gateway
@@ -21,29 +21,13 @@ router = APIRouter(prefix="/motion", tags=["motion"])
 
 GET_STATUS = '{"command":"getStatus"}'
 STOP_STREAM = '{"command":"stopStreamStatus"}'
-_EXAMPLES: dict[str, Any] = {
-    "lock": {"command": "lockControl", "priority": 10, "id": 1},
-    "path of joints": {
-        "command": "appendPath", "priority": 10, "type": "joints", "data": [[0.0, -1.57, 1.57, -1.57, -1.57, 0.0]]
-    },
-    "tool velocity": {
-        "command": "setVelocity", "priority": 10, "type": "task", "reference": 1, "data": [0.05, 0, 0, 0, 0, 0]
-    },
-    "stop": {"command": "softStop"},
-    "status": {"command": "getStatus"},
-}  # fmt: skip
-_ANSWERS: dict[str, Any] = {
-    "done": {"command": "reply", "replyCommand": "appendPath", "message": {"value": True, "code": 200, "detail": 0}},
-    "refused": {"command": "reply", "replyCommand": "appendPath", "message": {"code": 403, "detail": 0}},
-    "malformed": {"command": "reply", "replyCommand": "error", "message": "Unknown command: foo", "id": 7},
-}
 _BODY = {
     "requestBody": {
         "required": True,
         "content": {
             "application/json": {
                 "schema": {"type": "object", "properties": {"command": {"type": "string"}}, "required": ["command"]},
-                "examples": {name: {"value": value} for name, value in _EXAMPLES.items()},
+                "examples": {name: {"value": value} for name, value in crf_examples.REQUESTS.items()},
             }
         },
     }
@@ -54,7 +38,7 @@ _ANSWERED: dict[int | str, dict[str, Any]] = {
         "content": {
             "application/json": {
                 "schema": {"type": "object"},
-                "examples": {name: {"value": value} for name, value in _ANSWERS.items()},
+                "examples": {name: {"value": value} for name, value in crf_examples.ANSWERS.items()},
             }
         },
     }
@@ -65,7 +49,12 @@ Client = Annotated[str | None, Header(alias="X-Client", max_length=128, descript
 @router.post("/{arm}/command", response_class=JSONResponse, responses={**_ANSWERED, **failures(400, 404, 413, 503)},
              openapi_extra=_BODY)  # fmt: skip
 async def command(arm: str, request: Request, gateway: Gateway, x_client: Client = None) -> Response:
-    """One CRF request as it is; its CRF reply as it is. Streams and events need the WebSocket ``/motion/{arm}/ws``."""
+    """One CRF request as it is; its CRF reply as it is.
+
+    The WebSocket `/motion/{arm}/ws` takes the same texts, one a frame, and answers each with one frame. There a
+    connection is the client, and it also hears the events that concern it and the status stream it started, which
+    HTTP cannot carry. Answers come as they are ready: give requests an `id`. Stops wait for nothing.
+    """
     raw = await request.body()
     _known(gateway, arm)
     text = to_text(raw)

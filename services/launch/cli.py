@@ -137,7 +137,12 @@ def status(
     epilog=_examples(
         """rackhand motion arm1 '{"command":"getStatus"}'""",
         """rackhand motion arm1 '{"command":"lockControl","priority":10}'""",
+        """rackhand motion arm1 '{"command":"appendPath","priority":10,"type":"joints",""",
+        """                      "data":[[0,-1.57,1.57,-1.57,-1.57,0]]}'""",
+        """rackhand motion arm1 '{"command":"setVelocity","priority":10,"type":"task","reference":1,""",
+        """                      "data":[0.05,0,0,0,0,0]}'""",
         """rackhand motion arm1 '{"command":"softStop"}'""",
+        """rackhand motion arm1 '{"command":"resumeControl","priority":10}'""",
     )
 )
 def motion(

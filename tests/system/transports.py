@@ -125,6 +125,9 @@ class _Mixed:
     def __init__(self) -> None:
         self._heard: list[Json] = []
 
+    def put(self, raw: str | bytes) -> None:
+        raise NotImplementedError
+
     def _receive(self, timeout: float) -> Json:
         raise NotImplementedError
 
@@ -132,6 +135,16 @@ class _Mixed:
         while (message := self._receive(PATIENCE))["replyCommand"] in EVENTS:
             self._heard.append(message)
         return message
+
+    def burst(self, texts: list[str]) -> list[Json]:
+        """All at once; the answers as they come."""
+        for text in texts:
+            self.put(text)
+        return [self.answer() for _ in texts]
+
+    def send(self, raw: str | bytes) -> Json:
+        self.put(raw)
+        return self.answer()
 
     def heard(self) -> list[Json]:
         try:
@@ -157,9 +170,8 @@ class _WebSocketClient(_Mixed):
         super().__init__()
         self._connection = connection
 
-    def send(self, raw: str | bytes) -> Json:
+    def put(self, raw: str | bytes) -> None:
         self._connection.send(raw)
-        return self.answer()
 
     def _receive(self, timeout: float) -> Json:
         return dict(json.loads(self._connection.recv(timeout=timeout)))
@@ -182,9 +194,8 @@ class _TcpClient(_Mixed):
         super().__init__()
         self._connection = connection
 
-    def send(self, raw: str | bytes) -> Json:
+    def put(self, raw: str | bytes) -> None:
         self._connection.send(raw)
-        return self.answer()
 
     def _receive(self, timeout: float) -> Json:
         self._connection.socket.settimeout(timeout)
@@ -195,8 +206,10 @@ TRANSPORTS: tuple[type[Zenoh] | type[Http] | type[WebSocket] | type[Tcp], ...] =
 
 
 @contextmanager
-def live_station(folder: Path, environment: dict[str, str] | None = None) -> Iterator[Station]:
-    with Cell(folder, *OPTIONS, environment=environment) as cell, Judge(cell.bus) as judge:
+def live_station(
+    folder: Path, environment: dict[str, str] | None = None, options: tuple[str, ...] = OPTIONS
+) -> Iterator[Station]:
+    with Cell(folder, *options, environment=environment) as cell, Judge(cell.bus) as judge:
         judge.pause()
         station = Station(cell, judge)
         try:
