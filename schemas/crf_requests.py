@@ -70,6 +70,8 @@ class ControlRequest(Request):
 
 
 class LockControl(Request):
+    """Takes control, or refreshes it; false where somebody else keeps it, and then waits for it."""
+
     command: Literal["lockControl"]
     priority: Priority
     keep_alive: CrfFloat | None = Field(None, description="extension: seconds until the lock expires unrefreshed")
@@ -81,6 +83,8 @@ class LockControl(Request):
 
 
 class UnlockControl(Request):
+    """Gives control back; false where it was not this client's. What it set in motion is finished."""
+
     command: Literal["unlockControl"]
     priority: Priority
 
@@ -92,13 +96,16 @@ class ResumeControl(ControlRequest):
 
 
 class AppendJointsPath(ControlRequest):
+    """Way-points [rad], one list a point, driven in order behind what is queued."""
+
     command: Literal["appendPath"]
     type: Literal["joints"]
     data: Annotated[tuple[CrfVector, ...], Strict(False), FailFast()]
 
 
 class AppendTaskPath(ControlRequest):
-    """``method`` 1 joint-space, 2 task-space trajectory; ``reference`` 1 robot base, 2 TCP as it is at the call."""
+    """Way-points of the tool. ``method`` 1 joint-space, 2 task-space trajectory; ``reference`` 1 robot base, 2 TCP as it
+    is at the call."""
 
     command: Literal["appendPath"]
     type: Literal["task"]
@@ -134,18 +141,26 @@ class _Stream(_Signal):
 
 
 class SetVelocity(_Stream):
+    """Velocity of the joints [rad/s] or the tool [m/s, rad/s]; dies 100 ms after its last refresh."""
+
     command: Literal["setVelocity"]
 
 
 class SetTorque(_Stream):
+    """Torque of the joints [N·m] or wrench at the tool [N, N·m], gravity apart; dies 100 ms after its last refresh."""
+
     command: Literal["setTorque"]
 
 
 class SetProfileVelocity(_Signal):
+    """How fast paths are driven that are appended from now on."""
+
     command: Literal["setProfileVelocity"]
 
 
 class SetProfileAcceleration(_Signal):
+    """How hard they accelerate, and how hard soft stops brake."""
+
     command: Literal["setProfileAcceleration"]
 
 
@@ -156,18 +171,22 @@ class _Stop(Request):
 
 
 class SoftStop(_Stop):
+    """Brakes along the path within the deceleration limits, and forgets what is queued. Taken from anyone."""
+
     command: Literal["softStop"]
 
 
 class HardStop(_Stop):
+    """Brakes as hard as the joints can, and forgets what is queued. Taken from anyone. No emergency stop."""
+
     command: Literal["hardStop"]
 
 
 class SetParameters(ControlRequest):
-    """``data`` stays raw here: its content is refused with an ``expected``, not with an error."""
+    """Stop conditions and objective functions, all of a call or none of it."""
 
     command: Literal["setParameters"]
-    data: dict[str, Any]
+    data: dict[str, Any]  # raw here: its content is refused with an ``expected``, not with an error
 
 
 class SetGripper(ControlRequest):
@@ -178,23 +197,31 @@ class SetGripper(ControlRequest):
 
 
 class StartJointsControl(ControlRequest):
+    """Begins a control loop without motion."""
+
     command: Literal["startJointsControl", "startJointsControlLoop"]
 
 
 class StartTaskControl(ControlRequest):
+    """The same for the tool."""
+
     command: Literal["startTaskControl", "startTaskControlLoop"]
 
 
 class GetStatus(Request):
+    """Where the arm is, whether it moves, who holds it."""
+
     command: Literal["getStatus"]
 
 
 class GetConfiguration(Request):
+    """Number of joints, limits and profile."""
+
     command: Literal["getConfiguration"]
 
 
 class StartStreamStatus(Request):
-    """``mode`` 1 at the frequency (Hz), 2 only when something changed."""
+    """The status as events: ``mode`` 1 at the frequency (Hz), 2 only when something changed."""
 
     command: Literal["startStreamStatus"]
     frequency: CrfFloat
@@ -202,19 +229,27 @@ class StartStreamStatus(Request):
 
 
 class StopStreamStatus(Request):
+    """Ends it."""
+
     command: Literal["stopStreamStatus"]
 
 
 class StartHeartbeat(Request):
+    """From now on a silence of ``period`` seconds is taken as this client's end."""
+
     command: Literal["startHeartbeat"]
     period: CrfFloat = Field(description="seconds")
 
 
 class Heartbeat(Request):
+    """A sign of life; keeps a held lock too."""
+
     command: Literal["heartbeat"]
 
 
 class StopHeartbeat(Request):
+    """Ends the watch."""
+
     command: Literal["stopHeartbeat"]
 
 

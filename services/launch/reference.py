@@ -6,9 +6,14 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal, get_args, get_origin
 
+from pydantic.fields import FieldInfo
+
+from schemas import crf_requests as crf
 from schemas.base import Message
 from schemas.fail_reasons import MoveFailReason
+from schemas.motion import RefusalDetail
 from schemas.topics import QUERIES, TOPICS
 
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
@@ -49,6 +54,52 @@ def fail_reason_table() -> Table:
     return header, rows
 
 
+def crf_request_table() -> Table:
+    """Header and rows of what a CRF client may ask."""
+    header: tuple[str, ...] = ("command", "fields", "answer", "what")
+    return header, [
+        (
+            " or ".join(f"`{word}`" for word in crf.words(model)),
+            ", ".join(_fields(model)) or "–",
+            _answer(model),
+            " ".join((model.__doc__ or "").split()).replace("``", "`"),
+        )
+        for model in crf.REQUESTS
+    ]
+
+
+def _fields(model: type[crf.Request]) -> list[str]:
+    """What it has beside what every request may carry; what may be left out in brackets."""
+    own = {name: field for name, field in model.model_fields.items() if name not in crf.Request.model_fields}
+    fixed = [(f.alias or name, f) for name, f in own.items() if name not in _TOKEN]
+    return [f"`{_spelled(name, field)}`" if field.is_required() else f"[`{name}`]" for name, field in fixed]
+
+
+_TOKEN = ("lease_id", "epoch", "takeover")  # of every request that needs control
+
+
+def _spelled(name: str, field: FieldInfo) -> str:
+    """With its value, where it has one only."""
+    values = get_args(field.annotation)
+    return f"{name}: {values[0]}" if get_origin(field.annotation) is Literal and len(values) == 1 else name
+
+
+def _answer(model: type[crf.Request]) -> str:
+    if issubclass(model, crf.GetStatus):
+        return "the status"
+    if issubclass(model, crf.GetConfiguration):
+        return "the configuration"
+    if issubclass(model, crf.LockControl | crf.UnlockControl):
+        return "`true` or `false`"
+    return "`expected`" if issubclass(model, crf.ControlRequest | crf.SoftStop | crf.HardStop) else "`true`"
+
+
+def refusal_table() -> Table:
+    """Header and rows of the ``detail`` of refusals."""
+    header: tuple[str, ...] = ("detail", "name")
+    return header, [(str(int(detail)), detail.name.lower().replace("_", " ")) for detail in RefusalDetail]
+
+
 def markdown(table: Table) -> str:
     header, rows = table
     return "\n".join(
@@ -69,6 +120,8 @@ BLOCKS: dict[str, Callable[[], Table]] = {
     "topics": topic_table,
     "queries": query_table,
     "fail-reasons": fail_reason_table,
+    "crf-requests": crf_request_table,
+    "crf-refusals": refusal_table,
 }
 _BLOCK = re.compile(r"(<!-- generated: (?P<name>[a-z-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 

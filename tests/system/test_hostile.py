@@ -241,6 +241,7 @@ def test_running_free_a_stop_passes_a_flood(tmp_path: Path) -> None:
         heard = station.bus.inbox().subscribe(topics.ARM_COMMAND, "arm1", depth=10_000)
         calm = late_ticks(heard, 4.0)
         holder = {"command": "appendPath", "priority": 1, "type": "joints"}
+        assert station.ask("holder", command="lockControl", priority=1)["message"] is True
         with flood(station):
             crowded = late_ticks(heard, 4.0)
             far = [(ARM.home + shift).tolist() for shift in (1.0, -1.0) * 10]
