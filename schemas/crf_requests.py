@@ -104,8 +104,8 @@ class AppendJointsPath(ControlRequest):
 
 
 class AppendTaskPath(ControlRequest):
-    """Way-points of the tool. ``method`` 1 joint-space, 2 task-space trajectory; ``reference`` 1 robot base, 2 TCP as it
-    is at the call."""
+    """Way-points of the tool. ``method`` 1 joint-space, 2 task-space trajectory; ``reference`` 1 robot base, 2 TCP as
+    it is at the call."""
 
     command: Literal["appendPath"]
     type: Literal["task"]
