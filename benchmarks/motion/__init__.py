@@ -18,8 +18,8 @@ from pathlib import Path
 from benchmarks.motion.bare import BareEcho
 from benchmarks.motion.cell import MotionCell
 from benchmarks.motion.driver import ARM, STATE_PERIOD, Driver
+from benchmarks.motion.record import read_latencies
 from benchmarks.motion.requests import Client, first_motions
-from benchmarks.motion.timed_sim import read_latencies
 from benchmarks.report import Report, Table, median, percentile
 
 RATES = (250, 500)

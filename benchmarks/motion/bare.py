@@ -28,7 +28,7 @@ class BareEcho:
         self._stack = ExitStack()
 
     def __enter__(self) -> BareEcho:
-        argv = [sys.executable, "-m", "benchmarks.motion.bare", self._config.connect, str(self._back)]
+        argv = [sys.executable, "-m", "benchmarks.motion.echo", self._config.connect, str(self._back)]
         self._echo = subprocess.Popen(argv)
         session = self._stack.enter_context(zenoh.open(self._config.zenoh_config()))
         self._pongs = session.declare_subscriber(PONG, zenoh.handlers.FifoChannel(16))
@@ -55,17 +55,3 @@ class BareEcho:
             self._pings.put(self._payload)
             self._pongs.recv().payload.to_bytes()
             self.times.append(time.perf_counter() - sent)
-
-
-def echo(endpoint: str, size: int) -> None:
-    payload = bytes(size)
-    with zenoh.open(BusConfig(connect=endpoint).zenoh_config()) as session:
-        pings = session.declare_subscriber(PING, zenoh.handlers.FifoChannel(16))
-        pong = session.declare_publisher(PONG, **SETTINGS)
-        for sample in pings:
-            sample.payload.to_bytes()
-            pong.put(payload)
-
-
-if __name__ == "__main__":
-    echo(sys.argv[1], int(sys.argv[2]))

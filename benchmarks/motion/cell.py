@@ -39,6 +39,7 @@ class MotionCell:
         argv = list(row.argv)
         if row.name.startswith("controller"):
             argv[argv.index("--rate") + 1] = str(self._rate)
+            argv += ["--keep-alive", "600"]  # nobody refreshes the client's grant
         if row.name == "sim":
             at = argv.index("services.sim")
             argv[at : at + 1] = ["benchmarks.motion.timed_sim", str(self._record)]

@@ -5,7 +5,6 @@ publishes an arm state and when it has read the command that answers it, and lea
 from __future__ import annotations
 
 import json
-import math
 import sys
 import time
 from pathlib import Path
@@ -33,15 +32,6 @@ class TimedSim(SimService):
         if isinstance(event, Sample) and event.topic is topics.ARM_COMMAND:
             answered.setdefault(event.message.answers, time.perf_counter())
         super()._handle(event)
-
-
-def read_latencies(record: Path, rate: int, seconds: float) -> list[float]:
-    """Seconds from state to command (inf: never) over the last ``seconds`` but one of those that ask for a command."""
-    notes = json.loads(record.read_text())
-    period, answers = 10**9 // rate, dict(notes["answered"])
-    asked = [(stamp, at) for stamp, at in notes["told"] if stamp % period == 0]
-    end = max(at for _, at in asked) - 1.0
-    return [answers.get(stamp, math.inf) - at for stamp, at in asked if end - seconds <= at <= end]
 
 
 if __name__ == "__main__":

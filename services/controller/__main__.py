@@ -13,6 +13,7 @@ import typer
 
 from bus import Bus
 from bus.log import configure_logging, get_logger
+from bus.memory import keep_what_is_loaded
 from schemas.crf_requests import OPTIONAL_COMMANDS
 from schemas.service import ServiceId
 from services.controller import ik
@@ -91,6 +92,7 @@ def main(
         try:
             with Bus(ServiceId("controller", robot)) as bus:
                 bus.handle_signals()
+                keep_what_is_loaded()
                 ControllerService(bus, robot, model.n, controller, audit).run()
         finally:
             planning.shutdown(wait=False, cancel_futures=True)

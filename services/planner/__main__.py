@@ -10,6 +10,7 @@ import typer
 
 from bus import Bus
 from bus.log import configure_logging, get_logger
+from bus.memory import keep_what_is_loaded
 from schemas.service import ServiceId
 from services.planner.chassis import Chassis, ChassisSettings
 from services.planner.database import Database
@@ -70,6 +71,7 @@ def main(
             chassis = Chassis(navigator, moves, maps, ChassisSettings(remote=remote))
             with Bus(ServiceId("planner", robot)) as bus:
                 bus.handle_signals()
+                keep_what_is_loaded()
                 PlannerService(bus, robot, chassis).run()
     except (StoreError, MapDirectoryError) as error:
         typer.echo(f"planner of {robot}: {error}", err=True)

@@ -10,6 +10,7 @@ import typer
 
 from bus import Bus
 from bus.log import configure_logging
+from bus.memory import keep_what_is_loaded
 from schemas.service import WORLD, ServiceId
 from services.sim.errors import WorldFileError
 from services.sim.noise import NoiseSettings
@@ -103,6 +104,7 @@ def main(
         raise typer.Exit(2) from None
     with Bus(ServiceId("sim", WORLD)) as bus:
         bus.handle_signals()
+        keep_what_is_loaded()
         SimService(bus, session).run()
 
 

@@ -4,7 +4,7 @@ import json
 import math
 from pathlib import Path
 
-from benchmarks.motion.timed_sim import read_latencies
+from benchmarks.motion.record import read_latencies
 
 
 def test_only_states_that_ask_for_a_command_count_and_silence_is_never(tmp_path: Path) -> None:
