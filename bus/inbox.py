@@ -30,6 +30,7 @@ log = get_logger(__name__)
 # How many unread samples of one subscription are kept; beyond it the oldest go, counted.
 DEPTH = {Qos.STREAM: 16, Qos.COMMAND: 64, Qos.EVENT: 1024, Qos.LATCHED: 16}
 MAX_REQUESTS = 256
+MAX_OVERTAKES = 16
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,8 @@ class _Source:
 class Inbox:
     """Everything that was subscribed to, in order of arrival. One reader; iteration ends when the bus stops.
 
-    Requests served as ``patient`` wait for all else, so that a flood of them holds nothing up.
+    Requests served as ``patient`` wait for all else, so that a flood of them holds nothing up; but for no more than
+    ``MAX_OVERTAKES`` at a time, so that a reader that cannot keep up still serves them.
 
     Zenoh's threads only put raw samples here: decoding, and so every cost and every error, is in the reader's thread,
     and a slow reader never holds up another topic.
@@ -132,6 +134,7 @@ class Inbox:
         self._bus = bus
         self._tokens: queue.SimpleQueue[_Source | None] = queue.SimpleQueue()
         self._sources: list[_Source] = []
+        self._overtakes = 0
         self._passed: deque[_Source] = deque()  # patient ones whose token brought something else
         self._handles: list[Any] = []
         self._alive: dict[str, bool] = {}
@@ -220,15 +223,19 @@ class Inbox:
         return None
 
     def _read(self, told: _Source) -> Event | None:
-        """What is to be read next; ``told`` is whose token has come."""
+        """What is to be read next; ``told`` is whose token has come. Any token will do for any item, so that there are
+        as many of them as of items, whatever the order."""
         if told.patient:
             self._passed.append(told)
-        elif told.items:
-            return told.decode(told.pop())
-        # Its turn is over, or its item was read before its turn: then what it passed comes now.
-        urgent = next((other for other in self._sources if other.items and not other.patient), None)
-        source = urgent or self._passed.popleft()
+        urgent = told if told.items and not told.patient else self._urgent()
+        if urgent is None or (self._passed and self._overtakes >= MAX_OVERTAKES):
+            source, self._overtakes = self._passed.popleft(), 0
+        else:
+            source, self._overtakes = urgent, self._overtakes + 1 if self._passed else 0
         return source.decode(source.pop())
+
+    def _urgent(self) -> _Source | None:
+        return next((source for source in self._sources if source.items and not source.patient), None)
 
     def __iter__(self) -> Iterator[Event]:
         return iter(self.get, None)  # holds no event: a request its reader has dropped is dropped
