@@ -40,7 +40,7 @@ curl -fsS "$api/healthz"; echo
 python3 .ci/drive.py "$api"
 
 say "the live view over its published ports"
-curl -fsS -o /dev/null -w '  page: %{http_code}, %{size_download} bytes\n' http://127.0.0.1:9090/
+curl -fsSL -o /dev/null -w '  page: %{http_code}, %{size_download} bytes of %{url_effective}\n' http://127.0.0.1:9090/
 # What the page asks for: an empty gRPC-web request for everything there is. It never ends, so it is cut off.
 read_all=http://127.0.0.1:9876/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages
 bytes=$(head -c 5 /dev/zero | curl -sS -o /dev/null -w '%{size_download}' --max-time 3 -H 'Content-Type: application/grpc-web+proto' \

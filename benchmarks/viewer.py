@@ -9,12 +9,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from benchmarks.report import Report, median
-from bus import Bus, Inbox, Presence, Sample
+from bus import Bus, BusError, Inbox, Presence, Sample
 from schemas import topics
 from schemas.base import NANOSECONDS
 from schemas.moves import TERMINAL
@@ -190,8 +190,12 @@ class Work:
             time.sleep(0.5)
 
     def until_simulated(self, seconds: float) -> None:
-        while self.judge.inspect().clock.stamp < seconds * NANOSECONDS:
-            self.go_on()
+        """On a machine that is short of time an answer may be missing: the next round asks again."""
+        while True:
+            with suppress(BusError, AssertionError):
+                self.go_on()
+                if self.judge.inspect().clock.stamp >= seconds * NANOSECONDS:
+                    return
             time.sleep(0.5)
 
     def end(self) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import yaml
 
@@ -89,7 +88,7 @@ class CellOptions:
     @property
     def viewer_page(self) -> str | None:
         """What a browser opens to see the cell live."""
-        return f"{self.viewer.url}/?url={quote(self.viewer_stream, safe='')}" if self.viewer is not None else None
+        return f"{self.viewer.url}/" if self.viewer is not None else None
 
     @property
     def viewer_stream(self) -> str:

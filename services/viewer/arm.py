@@ -71,8 +71,8 @@ class ArmView:
         for entity, name, colour in _CURVES:
             yield curves(self._at(entity), [name], [colour])
         for entity, unit in (("position", "rad"), ("velocity", "rad/s"), ("error", "rad")):
-            names = [f"joint {number}, {unit}" for number in range(1, len(colours.JOINTS) + 1)]
-            yield curves(self._at(f"joints/{entity}"), names, colours.JOINTS)
+            names = [f"joint {number}, {unit}" for number in range(1, len(colours.SERIES) + 1)]
+            yield curves(self._at(f"joints/{entity}"), names, colours.SERIES)
 
     def model(self, model: ArmModel) -> Iterable[Item]:
         self.stand = replace(self.stand, position=model.position, orientation=model.orientation)

@@ -38,6 +38,7 @@ COSTMAP_Z, LINE_Z, SCAN_Z = 0.012, 0.03, 0.18
 BODY_HEIGHT, NAME_HEIGHT = 0.25, 1.2
 TRAIL_STEP, TRAIL_POINTS = 0.1, 500
 KNOWN_POSES = 8
+SPEED_DIGITS = 4  # beyond them is the encoders' noise, which would fill the plot of a robot that stands
 
 
 class ChassisView:
@@ -94,8 +95,8 @@ class ChassisView:
     # -- measurements ------------------------------------------------------------------------------------------------
 
     def odometry(self, odometry: Odometry) -> Iterable[Item]:
-        yield Row(self._at("speed/forward"), (odometry.twist.linear,))
-        yield Row(self._at("speed/turning"), (odometry.twist.angular,))
+        yield Row(self._at("speed/forward"), (round(odometry.twist.linear, SPEED_DIGITS),))
+        yield Row(self._at("speed/turning"), (round(odometry.twist.angular, SPEED_DIGITS),))
 
     def command(self, command: ChassisCommand) -> Iterable[Item]:
         yield Row(self._at("speed/forward_wanted"), (command.twist.linear,))

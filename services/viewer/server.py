@@ -1,4 +1,4 @@
-"""Rerun's own server, as a child process: recordings over gRPC, and the web viewer that shows them."""
+"""Rerun's own server, as a child process: recordings over gRPC, and the parts of the web viewer that shows them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import sys
 import time
 from pathlib import Path
 from types import TracebackType
-from urllib.parse import quote
 
 import rerun_cli
+
+from services.viewer.page import Page, stream_url
 
 PR_SET_PDEATHSIG = 1
 EVERYWHERE = ("0.0.0.0", "::")
@@ -32,6 +33,7 @@ class Server:
     def __init__(self, host: str, web_port: int, data_port: int, memory: str) -> None:
         self.host, self.web_port, self.data_port = host, web_port, data_port
         self._memory = memory
+        self._assets = (self.near, _free_port(host))
 
     @property
     def near(self) -> str:
@@ -40,12 +42,19 @@ class Server:
 
     @property
     def data_url(self) -> str:
-        """For recordings and native viewers."""
-        return f"rerun+http://{self.near}:{self.data_port}/proxy"
+        """For recordings, and for native viewers on this machine."""
+        return stream_url(self.near, self.data_port)
 
     @property
     def page_url(self) -> str:
-        return f"http://{self.near}:{self.web_port}/?url={quote(self.data_url, safe='')}"
+        return f"http://{self.near}:{self.web_port}/"
+
+    def page(self) -> Page:
+        """The page for browsers; it has threads. Raises ``CannotServe`` where its port is taken."""
+        try:
+            return Page(self.host, self.web_port, self._assets, self.data_port)
+        except OSError as error:
+            raise CannotServe(f"no page on {self.host}:{self.web_port}: {error.strerror}") from None
 
     @property
     def ended(self) -> bool:
@@ -53,8 +62,8 @@ class Server:
 
     def __enter__(self) -> Server:
         command = [str(Path(rerun_cli.__file__).with_name("rerun")), "--serve-web", "--bind", self.host]
-        command += ["--port", str(self.data_port), "--web-viewer-port", str(self.web_port)]
-        command += ["--server-memory-limit", self._memory]
+        command += ["--port", str(self.data_port), "--web-viewer-port", str(self._assets[1])]
+        command += ["--server-memory-limit", self._memory, "--newest-first"]  # who comes late sees the present at once
         command += ["--cors-allow-origin", f"http://*:{self.web_port}"]  # of its own page, whatever this machine's name
         self._child = subprocess.Popen(
             command,
@@ -80,10 +89,12 @@ class Server:
     def _wait(self) -> None:
         """Until both ports are open."""
         deadline = time.monotonic() + PATIENCE
-        while not all(_accepts(self.near, port) for port in (self.data_port, self.web_port)):
+        while not all(_accepts(*address) for address in ((self.near, self.data_port), self._assets)):
             if self.ended or time.monotonic() > deadline:
                 self.__exit__(None, None, None)
-                raise CannotServe(f"no Rerun server on {self.host}, ports {self.web_port} and {self.data_port}")
+                raise CannotServe(
+                    f"Rerun's server does not come up on {self.host}:{self.data_port}: is the port taken?"
+                )
             time.sleep(0.05)
 
 
@@ -93,6 +104,12 @@ def _accepts(host: str, port: int) -> bool:
     except OSError:
         return False
     return True
+
+
+def _free_port(host: str) -> int:
+    with socket.socket() as probe:
+        probe.bind((host, 0))
+        return int(probe.getsockname()[1])
 
 
 def _die_with_parent() -> None:

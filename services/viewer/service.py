@@ -56,6 +56,7 @@ def run(settings: Settings) -> int:
             server = Server(settings.host, settings.web_port, settings.data_port, settings.memory)
             try:
                 stack.enter_context(server)  # before there are any threads
+                stack.enter_context(server.page())
             except CannotServe as error:
                 log.error(str(error))
                 return 1

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from services.viewer.colours import Colour
+from services.viewer.colours import NAME, Colour
 from services.viewer.items import Drawing
 
 
@@ -19,7 +19,7 @@ def line(points: NDArray[np.floating], colour: Colour, width: float) -> rr.LineS
 
 def name_tag(name: str, height: float) -> rr.Points3D:
     """What something is called, over the origin of its frame."""
-    return rr.Points3D([(0.0, 0.0, height)], radii=0.0, colors=(255, 255, 255, 255), labels=[name], show_labels=True)
+    return rr.Points3D([(0.0, 0.0, height)], radii=0.0, colors=NAME, labels=[name], show_labels=True)
 
 
 def curves(entity: str, names: Sequence[str], colours: Sequence[Colour]) -> Drawing:

@@ -170,7 +170,7 @@ def test_the_live_view_is_told_where_to_listen() -> None:
     viewer = cell_processes(CellOptions(), {})[-1]
     assert viewer.name == "viewer" and viewer.optional
     assert " ".join(viewer.argv).endswith("services.viewer --host 127.0.0.1 --web-port 9090 --data-port 9876")
-    assert CellOptions().viewer_page == "http://127.0.0.1:9090/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A9876%2Fproxy"
+    assert CellOptions().viewer_page == "http://127.0.0.1:9090/"
 
 
 def test_there_must_be_something_to_view(tmp_path: Path) -> None:
