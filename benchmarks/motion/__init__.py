@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import statistics
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -44,7 +45,7 @@ def run(world: str = "pick_station", seconds: float = SECONDS) -> Report:
         f"running free at speed 1; {TURNS * seconds:.0f} s each. World `{world}` with its router, controller and "
         f"gateway (and planner, if it has a chassis) as processes; states come at {1 / STATE_PERIOD:.0f} Hz. Late is "
         "what takes longer than one period of the controller. The bare round trip moves bytes of the same sizes "
-        "between two processes at the same pace, in turns of a second; the controller decodes, validates, ticks along "
+        "between two processes at the same pace, in turns with it; the controller decodes, validates, ticks along "
         "the path, and encodes. The simulator holds the command when its own thread has read it, which waits for the "
         "physics step that runs."
     )
@@ -87,12 +88,17 @@ def with_simulator(world: str, rate: int, seconds: float) -> tuple[list[float], 
         with MotionCell(Path(folder), world, rate, record) as cell:
             client = Client(cell.http)
             client.wait_until_answered()
-            client.drive_for(TURNS * seconds + 5.0)
+            client.drive_for(2 * TURNS * seconds + 10.0)
             sizes = Driver.sizes_of(cell.joints)
+            turns = []
             with BareEcho(cell.bus, *sizes) as bare:
                 for _ in range(TURNS):
                     bare.ping_for(seconds, 1.0 / rate)
-        return read_latencies(record, rate, TURNS * seconds), bare.times
+                    begun = time.perf_counter()
+                    time.sleep(seconds)
+                    turns.append((begun, time.perf_counter()))
+            time.sleep(0.5)  # until the last one is answered
+        return read_latencies(record, rate, turns), bare.times
 
 
 def _row(name: str, rate: int, latencies: Sequence[float], bare: Sequence[float]) -> list[str]:
