@@ -213,6 +213,8 @@ def random_pairs(arm: Arm, count: int, seed: int) -> list[Pair]:
 
 
 def solve_all(arm: Arm, pairs: Sequence[Pair], linear: float, angular: float) -> list[Found]:
+    for pair in pairs[:20]:  # compile and warm up, restarts included
+        solve_pose(arm, pair.target, pair.start)
     found = []
     for i, pair in enumerate(pairs):
         begun = time.perf_counter_ns()
