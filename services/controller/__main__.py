@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import secrets
 import sys
 import time
@@ -80,6 +81,9 @@ def main(
     sys.setswitchinterval(SWITCH_INTERVAL)
     period_ns = SECOND // rate
     warm_up(model, period_ns)
+    # What is there by now stays. Looking at all of it again would hold the loop for many ticks.
+    gc.collect()
+    gc.freeze()
     access = AccessConfig(keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf)
     audit = AuditWriter(audit_log, lambda error: log.error("the audit log cannot be written", error=str(error)))
     with (

@@ -203,11 +203,12 @@ class Controller:
 
     def _answer(self, state: ArmState, lockstep: bool) -> ArmCommand:
         now, self._lockstep = state.stamp, lockstep
+        late: frozenset[CrfCode] = frozenset()
         if self._tick is None:
             self._origin = now
             self.mover.begin_at(state, 0.0)
         elif now - self._tick > 1.5 * self.period_ns:
-            self._codes.add((CrfCode.RealTimeViolation,))
+            late = frozenset({CrfCode.RealTimeViolation})
             self._late_ticks += 1
         self._now = max(self._now, now)
         self._tick = now
@@ -221,8 +222,8 @@ class Controller:
         self._collect(t, tick=True, lockstep=lockstep)
         commanded = self.mover.q
         mode, values = self.mover.tick(t, state)
-        self._codes.add(self.mover.codes)
-        self._heed(self.mover.codes)
+        self._codes.add(self.mover.codes | late)
+        self._heed(self.mover.codes | late)
         self._plan()
         self._report_rest(state)
         self._tell_status(state, commanded)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bus import Bus, Event, Inbox, Presence, Refused, Request, Sample, Unavailable
+from bus.driver_link import DriverLink
 from bus.errors import CallTimeout
 from bus.log import get_logger
 from schemas import topics
@@ -11,7 +12,6 @@ from schemas.service import WORLD, ServiceId
 from schemas.world import Join, WorldRequest
 from services.controller.audit_writer import AuditWriter
 from services.controller.controller import Controller
-from services.controller.driver_link import DriverLink
 
 log = get_logger(__name__)
 
@@ -26,7 +26,7 @@ class ControllerService:
     def __init__(self, bus: Bus, robot: str, joints: int, controller: Controller, audit: AuditWriter) -> None:
         self._bus, self._robot, self._joints = bus, robot, joints
         self._controller, self._audit = controller, audit
-        self._link = DriverLink(controller.period_ns)
+        self._link = DriverLink("the arm's driver", controller.period_ns)
         self._state: ArmState | None = None
         self._answer: ArmCommand | None = None
         self._last_error = ""
@@ -105,7 +105,7 @@ class ControllerService:
         if len(state.q) != self._joints:
             self._log_once(ValueError(f"the driver has {len(state.q)} joints, the arm {self._joints}"))
             return
-        self._void_if(self._link.state(state.stamp))
+        self._void_if(self._link.sample(topics.ARM_STATE.name, state.stamp))
         self._state = state
 
     def _void_if(self, why: str | None) -> None:

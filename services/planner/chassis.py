@@ -27,7 +27,6 @@ from schemas.maps import MapReply, MapRequest
 from schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, MoveCreate, MoveReply, MoveRequest, PlanningState
 from schemas.world import Clock
 from services.planner.alerts import active_alerts
-from services.planner.driver_link import PERIOD_NS
 from services.planner.errors import RequestRefused
 from services.planner.interface import STANDSTILL, MoveFailed, Navigator, Observation, Progress
 from services.planner.jacking import JackOrders
@@ -39,6 +38,7 @@ from services.planner.reports import Publication, Reports
 from services.planner.runner import PATIENCE_NS, MoveRunner
 from services.planner.sensing import Sensed
 
+PERIOD_NS = 40_000_000  # between commands
 AT_REST = 0.01  # m/s and rad/s: a command below it is none
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bus import Bus, Event, Inbox, Presence, Refused, Request, Sample, Unavailable
+from bus.driver_link import DriverLink
 from bus.errors import CallTimeout
 from bus.log import get_logger
 from schemas import topics
@@ -14,8 +15,7 @@ from schemas.chassis import ChassisCommand
 from schemas.service import WORLD, ServiceId
 from schemas.topics import Query, Topic
 from schemas.world import Join, WorldRequest
-from services.planner.chassis import Chassis
-from services.planner.driver_link import PERIOD_NS, DriverLink, Ticker
+from services.planner.chassis import PERIOD_NS, Chassis
 from services.planner.errors import RequestRefused
 
 log = get_logger(__name__)
@@ -34,8 +34,7 @@ class PlannerService:
         self._bus = bus
         self._robot = robot
         self._chassis = chassis
-        self._link = DriverLink()
-        self._ticker = Ticker()
+        self._link = DriverLink("the chassis' driver", PERIOD_NS)
         self._odometry_stamp: int | None = None
         self._answer: ChassisCommand | None = None
         self._last_error = ""
@@ -103,7 +102,6 @@ class PlannerService:
     def _void_if(self, why: str | None) -> None:
         if why is not None:
             log.warning(why, robot=self._robot)
-            self._ticker.reset()
             self._odometry_stamp = self._answer = None
             self._chassis.begin_anew(why)
         if self._link.alive != self._chassis.driver_alive:
@@ -126,7 +124,7 @@ class PlannerService:
         stamp, self._odometry_stamp = self._odometry_stamp, None
         if stamp is None:
             return
-        asked = self._ticker.at(stamp)
+        asked = self._link.asks(stamp)
         if asked == "tick":
             self._answer = self._tick()
         if asked != "skip" and self._answer is not None:

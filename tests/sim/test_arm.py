@@ -16,6 +16,7 @@ from schemas.world import Place
 from services.sim.arm import Arm
 from services.sim.arm_kinds import arm_file, load_arm_kinds
 from services.sim.arm_model import GRIPPER_LENGTH
+from services.sim.arm_servo import BANDWIDTH
 from services.sim.errors import RequestRefused, WorldFileError
 from services.sim.profiles import load_profiles
 from services.sim.simulation import Simulation
@@ -195,7 +196,9 @@ def test_a_jump_is_made_within_the_limits_and_ends_at_rest(simulation: Simulatio
     states = control(simulation, 0.8, "position", lambda _: goal)
     np.testing.assert_allclose(states[-1].q, goal, atol=1e-6)
     assert (np.abs(velocities(states)) < 1.02 * limits.velocity).all()
-    assert (positions(states) < goal + 2e-3).all()
+    # The braking ends within a step of the physics. At worst the servo swings as an acceleration deflects it that it
+    # has not been told of: a / ω².
+    assert (positions(states) < goal + limits.acceleration / BANDWIDTH**2).all()
     first = positions(states)[0] - (goal - 0.5)
     assert (first <= limits.acceleration * 0.002**2).all(), "it does not leap"
 

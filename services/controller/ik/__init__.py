@@ -1,13 +1,48 @@
 """Inverse kinematics of a serial arm as a constrained QP. Values in, values out: no bus, no clock, no I/O but the
 arm's files.
 
-    arm = load_arm("ur5e")
-    ik = DifferentialIk(arm, dt=0.004)
-    solution = solve_pose(arm, target, arm.home)        # a pose → joint positions
-    step = ik.step(q, v, target, twist)                 # every tick: where the tool ought to be → joint velocity
-    q, v = q + step.velocity * ik.dt, step.velocity
+A pose becomes joint positions once (``solve_pose``), or a moving target becomes a joint velocity at every tick
+(``DifferentialIk.step``), within position, velocity and acceleration limits that hold whatever is asked:
 
-Read `arm`, then `servo` and `kernels.tick`, which it wraps; the others stand beside them.
+    >>> import numpy as np
+    >>> from services.controller import ik
+    >>> arm = ik.load_arm("ur5e")
+    >>> servo = ik.DifferentialIk(arm, dt=0.004)
+    >>> target = servo.forward(arm.home)
+    >>> target[:, 3] += (0.05, 0.10, -0.05)
+    >>> ik.solve_pose(arm, target, arm.home).reached
+    True
+    >>> q, v = arm.home.copy(), np.zeros(arm.n)
+    >>> for _ in range(125):
+    ...     step = servo.step(q, v, target)
+    ...     q, v = q + step.velocity * servo.dt, step.velocity
+    >>> bool(np.abs(servo.forward(q) - target).max() < 1e-4)
+    True
+
+What the task leaves over goes to objective functions, switched, blended and tuned at any time; spheres of the
+workspace and the arm's own are linear rows:
+
+    >>> servo.objectives.configure("JointLimits", {"enable": True, "c": 10.0})
+    >>> servo.set_zones([ik.Zone(center=(0.0, 0.6, 0.3), radius=0.1)], self_collision=True)
+
+A velocity that somebody holds without knowing what lies ahead is paced, so that the tool stays on its line:
+
+    >>> twist = np.array([0.0, 0.0, 0.25, 0.0, 0.0, 0.0])
+    >>> 0.0 <= servo.pace(q, v, twist) <= 1.0
+    True
+
+How: the tick is one QP, min ½|J v - w|²_W + ½ μ|v - g|² in a box of velocities from which every joint can still brake,
+which never is empty. Cholesky solves it while nothing binds, projected Newton when joints are at limits (both exact, a
+test holds them equal to OSQP), and OSQP when rows bind. Read in this order:
+
+    arm         an arm as the solver needs it, read from the compiled MuJoCo model
+    kernels     the arithmetic, compiled; ``tick`` is the heart
+    servo       ``DifferentialIk``, which wraps ``tick`` and holds rows
+    pace        how fast a held velocity may go
+    pose        a pose by search, with restarts
+    objectives  joint limits, a posture, manipulability, a sphere to shun
+    collision   spheres as rows, and the guard that a clear way to stop is left
+    rowqp       the QP with rows, by OSQP's low-level object
 """
 
 from .arm import Arm, ArmError, Limits, Sphere, build_arm, from_mujoco, load_arm

@@ -25,10 +25,9 @@ class ArmKinematics:
         rotation = frames[-1, :, :3]
         return np.concatenate([rotation @ columns[:3], rotation @ columns[3:]])
 
-    def solve(self, pose: Placement, q_near: Array) -> Array | None:
+    def solve(self, pose: Placement, q_near: Array) -> Array:
         target = np.column_stack([pose.rotation, pose.translation])
-        found = ik.solve_pose(self._arm, target, q_near)
-        return found.q if found.reached else None
+        return ik.solve_pose(self._arm, target, q_near).q
 
     def _frames(self, q: Array) -> Array:
         frames = np.empty((self._arm.n + 1, 3, 4))

@@ -251,7 +251,12 @@ class Mover:
             wish = self._ramp.slow(self._slack(wish))
             self._solve(self._target, wish, codes, held=True)
             self._target = _advanced(self._target, wish * self.period)
-        if over and np.abs(wish).max() <= AT_REST:
+        if not (over and np.abs(wish).max() <= AT_REST):
+            return
+        if np.abs(self.v).max() <= AT_REST:
+            # No stop: that would fade the ramp's last acceleration, and swing back by it.
+            self._stand()
+        else:
             self.time += self.period
             self._brake(hard=False)
             self.time -= self.period
@@ -308,6 +313,13 @@ class Mover:
         self._ramp = Ramp(reference.values.size)
         self._target = ik.forward(self.arm, self.q)
         self.queue = replace(self.queue, legs=(), rest=self.q, paused=False)
+
+    def _stand(self) -> None:
+        """It has come to rest, and nothing is queued."""
+        self._active = self._ending = None
+        self._by_solver = False
+        self.v, self.a = np.zeros_like(self.v), np.zeros_like(self.a)
+        self.queue = replace(self.queue, rest=self.q, legs=(), paused=False)
 
     def _measured(self, state: ArmState) -> None:
         limits = self.arm.limits

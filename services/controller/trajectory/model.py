@@ -53,7 +53,8 @@ class Kinematics(Protocol):
         """(6, n): velocity of the TCP's origin and angular velocity, both in the axes of the base."""
 
     def solve(self, pose: Placement, q_near: Array) -> Array | None:
-        """Joint positions within the limits that reach ``pose``, those near ``q_near`` first; None without any."""
+        """Joint positions within the limits that reach ``pose``, those near ``q_near`` first; if there are none, those
+        with the TCP nearest to it that were found, or None."""
 
 
 @dataclass(frozen=True)

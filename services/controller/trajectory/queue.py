@@ -205,9 +205,11 @@ class MotionQueue:
             if q is None:
                 raise PathRefused(i, "no joint positions within the limits reach it")
             self._check(i, q)
-            missed = float(np.abs(pose_error(self.arm.kinematics.forward(q), pose)).max())
-            if missed > _REACHED:
-                raise PathRefused(i, f"the nearest the arm gets to it is {missed:.2g} m or rad away")
+            missed = pose_error(self.arm.kinematics.forward(q), pose)
+            if np.abs(missed).max() > _REACHED:
+                far, turned = 1e3 * np.linalg.norm(missed[:3]), np.degrees(np.linalg.norm(missed[3:]))
+                away = f"{far:.1f} mm and {turned:.2f}° away"
+                raise PathRefused(i, f"out of reach: the nearest the arm gets to it is {away}")
             solved.append(q)
             near = q
         return solved

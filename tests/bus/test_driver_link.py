@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from bus.driver_link import DriverLink
 from schemas.world import Clock
-from services.planner.driver_link import DriverLink, Ticker
 
 MS = 1_000_000
+
+
+def new_link() -> DriverLink:
+    return DriverLink("the driver", 40 * MS)
 
 
 def clock(run: str, stamp: int = 0) -> Clock:
@@ -13,25 +17,27 @@ def clock(run: str, stamp: int = 0) -> Clock:
 
 
 def test_every_period_is_answered_once_and_again_when_asked_again() -> None:
-    ticker = Ticker(40 * MS)
+    link = new_link()
     stamps = [0, 0, 20, 40, 60, 60, 80, 140, 160]
-    answers = [ticker.at(stamp * MS) for stamp in stamps]
+    answers = [link.asks(stamp * MS) for stamp in stamps]
     assert answers == ["tick", "repeat", "skip", "tick", "skip", "skip", "tick", "tick", "tick"]
-    ticker.reset()
-    assert ticker.at(160 * MS) == "tick"
+    link.presence(True)
+    link.presence(False)
+    assert link.asks(160 * MS) == "tick", "of another run"
 
 
 def test_a_simulator_that_goes_and_comes_back_is_joined_again() -> None:
-    link = DriverLink()
+    link = new_link()
     assert not link.alive
     assert link.presence(True) is None
     assert (link.alive, link.needs_join) == (True, True)
     link.needs_join = False
     assert link.clock(clock("a")) is None
     assert link.sample("odometry", 80 * MS) is None
-    assert link.presence(False) == "the chassis' driver has gone"
+    assert link.presence(False) == "the driver has gone"
     assert link.sample("odometry", 100 * MS) is None
     assert not link.alive, "a straggler does not bring it back"
+    assert not link.lockstep
     assert link.presence(True) is None
     assert link.needs_join
     link.needs_join = False
@@ -40,32 +46,33 @@ def test_a_simulator_that_goes_and_comes_back_is_joined_again() -> None:
 
 
 def test_a_reset_is_noticed_once_and_joined_again() -> None:
-    link = DriverLink()
+    link = new_link()
     link.presence(True)
     link.clock(clock("a"))
     link.needs_join = False
     link.sample("contacts", 100 * MS)
     link.sample("odometry", 120 * MS)
-    assert link.sample("contacts", 0) == "the chassis' driver began anew"
+    assert link.sample("contacts", 0) == "the driver began anew"
     assert link.sample("odometry", 0) is None, "known by then"
+    assert link.asks(0) == "tick"
     assert link.clock(clock("b")) is None
     assert link.needs_join
 
 
 def test_a_reset_that_only_the_clock_tells() -> None:
-    link = DriverLink()
+    link = new_link()
     link.presence(True)
     link.clock(clock("a"))
     link.needs_join = False
     link.sample("odometry", 0)
     assert link.sample("odometry", 0) is None, "an instant that is told again is no reset"
     assert link.clock(clock("a", 20)) is None
-    assert link.clock(clock("b")) == "the chassis' driver began anew"
+    assert link.clock(clock("b")) == "the driver began anew"
     assert link.needs_join
 
 
 def test_a_real_robot_is_there_while_it_is_heard_and_never_joined() -> None:
-    link = DriverLink()
+    link = new_link()
     link.sample("odometry", 5)
     link.clock(clock("boot"))
     assert (link.alive, link.needs_join) == (True, False)
