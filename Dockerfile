@@ -1,4 +1,4 @@
-# One image a service, none with more than it needs: docker compose builds the targets router, sim, planner, gateway, viewer.
+# One image a service, none with more than it needs: docker compose builds the targets router, sim, planner, controller, gateway, viewer.
 
 FROM python:3.11-slim-bookworm AS python
 ENV PYTHONUNBUFFERED=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_CACHE_DIR=1 PIP_ROOT_USER_ACTION=ignore
@@ -23,6 +23,11 @@ RUN pip install --no-deps --force-reinstall .
 
 FROM dependencies AS build-planner
 RUN pip install '.[planner]'
+COPY . .
+RUN pip install --no-deps --force-reinstall .
+
+FROM dependencies AS build-controller
+RUN pip install '.[controller]'
 COPY . .
 RUN pip install --no-deps --force-reinstall .
 
@@ -54,7 +59,7 @@ FROM runtime AS sim
 COPY --from=build-sim /venv /venv
 # Compiled here once, so that no container has to before it is ready.
 RUN python -c "from services.sim.simulation import *; from services.sim.worldfile import load_world; Simulation(load_world('pick_station'), {}, 0)"
-CMD ["python", "-m", "services.sim", "--wait-for", "amr1/planner"]
+CMD ["python", "-m", "services.sim", "--wait-for", "amr1/planner", "--wait-for", "arm1/controller"]
 
 FROM runtime AS planner
 COPY --from=build-planner /venv /venv
@@ -63,9 +68,15 @@ COPY worlds /worlds
 RUN python -c "from services.planner.navigation import *; ChassisNavigator(NavigationSettings()).warm_up()"
 CMD ["python", "-m", "services.planner", "--robot", "amr1", "--map", "/worlds/warehouse", "--store", "/state/planner.sqlite"]
 
+FROM runtime AS controller
+COPY --from=build-controller /venv /venv
+# Compiled here once, so that no container has to before it is ready.
+RUN python -c "from services.controller.warm_up import *; warm_up(ik.load_arm('ur5e'), 4_000_000)"
+CMD ["python", "-m", "services.controller", "--robot", "arm1", "--arm", "ur5e", "--state-dir", "/state"]
+
 FROM runtime AS gateway
 COPY --from=build-gateway /venv /venv
-CMD ["python", "-m", "services.gateway", "--robot", "amr1", "--host", "0.0.0.0", "--port", "8090"]
+CMD ["python", "-m", "services.gateway", "--robot", "amr1", "--arm", "arm1", "--host", "0.0.0.0", "--port", "8090"]
 EXPOSE 8090
 
 FROM runtime AS viewer

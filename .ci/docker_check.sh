@@ -35,7 +35,7 @@ for service in $(docker compose ps --services); do
     grep -qx 'rackhand true \[ALL\] \[no-new-privileges:true\]' || { say "$service is not"; exit 1; }
 done
 
-say "a move over the published port"
+say "a move and an arm path over the published port"
 curl -fsS "$api/healthz"; echo
 python3 .ci/drive.py "$api"
 

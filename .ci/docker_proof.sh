@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Proves the containers: build, up until healthy, one move over the published port, a clean stop, nothing left.
+# Proves the containers: build, up until healthy, a move and an arm path over the published port, a clean stop, nothing left.
 # Uses the machine's own engine where an image can be pulled; else one unpacked from Debian packages, with a stand-in
 # for the base image made of this machine's files (scripts in $SHARED/ci/docker). Dockerfile and compose.yaml know nothing of it.
 set -euo pipefail

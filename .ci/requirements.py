@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-IMAGES = ("sim", "planner", "gateway", "viewer")
+IMAGES = ("sim", "planner", "controller", "gateway", "viewer")
 
 
 def main() -> None:
