@@ -70,13 +70,16 @@ class Judge:
                 if math.hypot(here.x - there.x, here.y - there.y) < speed * (now - before) / NANOSECONDS:
                     return (before - self.inspect().command_stamps[silent]) / NANOSECONDS
 
-    def true_poses(self) -> dict[str, Pose2]:
-        """Where everything that can move really is, as of the next publication of the truth."""
+    def objects(self) -> dict[str, ObjectPose]:
+        """Where everything that can move really is, as of the newest publication of the truth not asked for before."""
         event = self._truth.get(timeout=20)
         if event is None:
             raise Unavailable("the simulator tells no true poses")
         assert isinstance(event, Sample)
-        return {thing.name: _planar(thing) for thing in event.message.objects}
+        return {thing.name: thing for thing in event.message.objects}
+
+    def true_poses(self) -> dict[str, Pose2]:
+        return {name: _planar(thing) for name, thing in self.objects().items()}
 
     def true_pose(self, name: str) -> Pose2:
         return self.true_poses()[name]
