@@ -10,7 +10,7 @@ import numpy as np
 
 from schemas.motion import ArmCommand, ArmState, Gripper
 from services.sim.arm_kinds import ArmKind
-from services.sim.arm_model import CUP, FORCE, GRIPPER_LENGTH, MOUTH, SUCTION, SUCTION_FORCE, TOOL, TORQUE
+from services.sim.arm_model import CUP, FORCE, SEALS, SUCTION, SUCTION_FORCE, TOOL, TORQUE
 from services.sim.arm_servo import (
     HOLD,
     POSITION,
@@ -197,10 +197,11 @@ class Arm:
         plan(self._reference, _PLANS.get(mode, HOLD), values, passing, self.limits, duration)
 
     def _is_sealed(self) -> bool:
-        """Whether something lies at the mouth of the cup; at its side it would only draw air."""
-        contact, tool = self._data.contact, self._tool
-        at = contact.pos[(contact.geom == self._cup).any(axis=1)] - self._data.site_xpos[tool]
-        return bool((at @ self._data.site_xmat[tool][2::3] > GRIPPER_LENGTH - MOUTH).any())
+        """Whether something faces the mouth of the cup; at its side it would only draw air."""
+        contact = self._data.contact
+        normals = contact.frame[(contact.geom == self._cup).any(axis=1), :3]
+        along = np.abs(normals @ self._data.site_xmat[self._tool][2::3])
+        return bool((along > SEALS).any())
 
     # -- what it measures --------------------------------------------------------------------------------------------
 

@@ -17,8 +17,8 @@ from services.sim.worldfile import ArmPlace
 TOOL, CUP, SUCTION, FORCE, TORQUE = "tool", "cup", "suction", "force", "torque"
 # The suction gripper: a cup on a short tube. It pulls with at most this force (N) on what it touches.
 GRIPPER_LENGTH, GRIPPER_RADIUS, GRIPPER_MASS, SUCTION_FORCE = 0.12, 0.025, 0.4, 60.0
-# How near to the cup's end a contact seals it, in metres.
-MOUTH = 0.005
+# Cosine of how far a surface may lean and still seal the cup.
+SEALS = 0.9
 _GRIPPER_COLOUR = [0.15, 0.15, 0.17, 1]
 
 
