@@ -69,6 +69,11 @@ RUN python -c "from services.planner.navigation import *; ChassisNavigator(Navig
 CMD ["python", "-m", "services.planner", "--robot", "amr1", "--map", "/worlds/warehouse", "--store", "/state/planner.sqlite"]
 
 FROM runtime AS controller
+# pinocchio wants OpenMP's library, which the slim image lacks.
+USER root
+RUN python -c "import ctypes; ctypes.CDLL('libgomp.so.1')" 2>/dev/null \
+ || (apt-get update && apt-get install -y --no-install-recommends libgomp1 && rm -rf /var/lib/apt/lists/*)
+USER rackhand
 COPY --from=build-controller /venv /venv
 # Compiled here once, so that no container has to before it is ready.
 RUN python -c "from services.controller.warm_up import *; warm_up(ik.load_arm('ur5e'), 4_000_000)"

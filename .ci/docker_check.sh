@@ -21,7 +21,9 @@ fi
 docker version --format 'engine {{.Server.Version}}'; docker compose version
 
 say "build"
-docker compose build --quiet
+log=$(mktemp)
+docker compose --progress plain build >"$log" 2>&1 || { tail -n 60 "$log"; exit 1; }
+rm "$log"
 docker image ls --format '  {{.Repository}} {{.Size}}' | grep "$COMPOSE_PROJECT_NAME"
 
 say "up"
