@@ -123,7 +123,7 @@ class Viewer:
         self._recording: Recording | None = None
         self._picture, self._cast, self._cast_since = Picture(), Cast(), 0.0
         self._run: str | None = None  # as the clock names it; None without a clock
-        self._now = 0
+        self._now, self._repeated = 0, 0
         self._waiting: list[Event] = []  # before it is known which run it is
         self._waiting_since: float | None = None
         self._timeless: dict[tuple[str, str], Sample] = {}
@@ -158,7 +158,8 @@ class Viewer:
         self._lay_out(self._recording, wall)
         if self._rows_due(wall):
             self._recording.flush_rows()
-        if events and self._repeat_due(wall):
+        if self._repeat_due(wall) and self._now != self._repeated:  # a world that stands forgets nothing
+            self._repeated = self._now
             self._recording.repeat(self._now)
 
     def _lay_out(self, recording: Recording, wall: float) -> None:

@@ -201,6 +201,8 @@ def test_what_lasts_is_drawn_again_for_those_who_come_late(bench: Bench) -> None
     bench.frame()
     bench.clock(20 * SECOND)
     bench.frame(after=6.0)
+    bench.clock(20 * SECOND, paused=True)
+    bench.frame(after=6.0)  # time has not gone on: there is nothing to be forgotten
     bench.end()
     assert (20 * SECOND, "crate") in reading.poses(bench.file(1))
     stamps = [
