@@ -23,6 +23,7 @@ CLIENTS = st.sampled_from(["a", "b", "c"])
 PRIORITIES = st.sampled_from([1, 5, 5, 20])
 STEPS_MS = st.sampled_from([4, 4, 40, 120, 400])
 KEEP_ALIVE_S = 0.6
+DEADMAN_S, RAMP_S = 0.1, 0.3
 BRAKING_S = 0.6  # more than any stop takes from these speeds
 GOALS = [(UR5E.home + shift).tolist() for shift in (-0.6, 0.1, 0.7)]
 
@@ -40,6 +41,7 @@ class SharedArm(RuleBasedStateMachine):
         self.sent: list[ArmCommand] = []
         self.texts: list[tuple[str, str]] = []
         self.free_since: int | None = 0  # when the arm was last left without anybody to move it
+        self.referred_at: int | None = None  # when the velocity came that the arm follows last
         self.granted: set[tuple[str, str]] = set()
 
     # -- time ---------------------------------------------------------------------------------------------------------
@@ -65,6 +67,8 @@ class SharedArm(RuleBasedStateMachine):
         """After expiry, a stop or a departure nothing moves once the arm had time to brake."""
         if self.free_since is not None and self.arm.stamp - self.free_since > BRAKING_S * 1e9:
             assert np.abs(self.arm.dq).max() < 1e-6, "it moves, and nobody asked it to"
+        if self.referred_at is not None and self.arm.stamp - self.referred_at > (DEADMAN_S + RAMP_S) * 1e9:
+            assert np.abs(self.arm.dq).max() < 1e-6, "a velocity outlived its deadman"
         if self.holder() is None and self.free_since is None:
             self.free_since = self.arm.stamp
 
@@ -95,6 +99,7 @@ class SharedArm(RuleBasedStateMachine):
             if refreshed:
                 assert before in (None, alias(session)) or (held and request["priority"] < held.priority), "foreign"
                 self.free_since = None
+                self.referred_at = self.arm.stamp if request["command"] == "setVelocity" else None
             self.granted.add((session, text))
         return answer
 
@@ -133,7 +138,7 @@ class SharedArm(RuleBasedStateMachine):
     @rule(client=CLIENTS, priority=PRIORITIES)
     def resume(self, client: str, priority: int) -> None:
         if self.send(client, command="resumeControl", priority=priority)["message"].get("code") == 200:
-            self.free_since = None  # what was held may go on
+            self.free_since = self.referred_at = None  # what was held may go on
 
     @rule(client=CLIENTS)
     def leaves(self, client: str) -> None:

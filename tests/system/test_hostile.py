@@ -241,8 +241,7 @@ def test_running_free_a_stop_passes_a_flood(tmp_path: Path) -> None:
         heard = station.bus.inbox().subscribe(topics.ARM_COMMAND, "arm1", depth=10_000)
         calm = late_ticks(heard, 4.0)
         holder = {"command": "appendPath", "priority": 1, "type": "joints"}
-        assert station.ask("holder", command="lockControl", priority=1)["message"] is True
-        with flood(station):
+        with held(station), flood(station):
             crowded = late_ticks(heard, 4.0)
             far = [(ARM.home + shift).tolist() for shift in (1.0, -1.0) * 10]
             assert station.ask("holder", **holder, data=far)["message"] == OK
@@ -257,6 +256,23 @@ def test_running_free_a_stop_passes_a_flood(tmp_path: Path) -> None:
             print(f"{name}: {share:.2%} of the periods without a command of their own, longest gap {longest:.0f} ms")
         print(f"stop answered {(told - sent) / 1e6:.0f} ms, at rest {(rest - sent) / 1e6:.0f} ms after it was sent")
         assert 0 <= crowded[0] < 1
+
+
+@contextmanager
+def held(station: Station) -> Iterator[None]:
+    """Somebody holds the arm, and lets everybody know every second."""
+    end = threading.Event()
+
+    def hold() -> None:
+        while not end.wait(1.0):
+            station.ask("holder", command="lockControl", priority=1)
+
+    assert station.ask("holder", command="lockControl", priority=1)["message"] is True
+    thread = threading.Thread(target=hold, daemon=True)
+    thread.start()
+    yield
+    end.set()
+    thread.join(60)
 
 
 def speed(station: Station) -> float:
