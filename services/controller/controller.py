@@ -45,7 +45,7 @@ from services.controller.protocol.answers import encode, error
 from services.controller.protocol.checks import parameters_of
 from services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
 from services.controller.protocol.parse import Parsed, parse
-from services.controller.protocol.reading import LONG, ReadingRoom
+from services.controller.protocol.reading import LONG, Reading, ReadingRoom
 from services.controller.trajectory.model import Array, PathRefused
 from services.controller.trajectory.queue import Leg
 
@@ -167,12 +167,20 @@ class Controller:
     def _take_in(self, lockstep: bool) -> None:
         """Long requests that are read by now."""
         for reading in self._reading.collect(lockstep):
-            parsed = reading.future.result() if reading.future else self._dispatcher.read(reading.text)
-            if reading.overtaken and isinstance(parsed.result, crf.ControlRequest):
-                refusal = error(CrfCode.Conflict, "a stop has overtaken it while it was read")
-                self._output.replies.append((reading.ticket, encode(refusal, parsed.echo).decode()))
-            else:
-                self._request(reading.session, reading.text, reading.ticket, parsed)
+            try:
+                self._take_in_one(reading)
+            except Exception as failure:  # nobody else's request, and no tick, fails with it
+                self._output.errors.append(failure)
+                refusal = error(CrfCode.InternalServerError, "the controller failed to answer; its log says more")
+                self._output.replies.append((reading.ticket, encode(refusal).decode()))
+
+    def _take_in_one(self, reading: Reading) -> None:
+        parsed = reading.future.result() if reading.future else self._dispatcher.read(reading.text)
+        if reading.overtaken and isinstance(parsed.result, crf.ControlRequest):
+            refusal = error(CrfCode.Conflict, "a stop has overtaken it while it was read")
+            self._output.replies.append((reading.ticket, encode(refusal, parsed.echo).decode()))
+        else:
+            self._request(reading.session, reading.text, reading.ticket, parsed)
 
     def _request(self, session: str, text: str, ticket: object, parsed: Parsed | None) -> None:
         turn = self._dispatcher.request(session, text, self._now, parsed)

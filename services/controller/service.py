@@ -153,7 +153,7 @@ class ControllerService:
         if output.path is not None:
             self._path.put(output.path)
         for error in output.errors:
-            log.error("planning failed", exc_info=error)
+            log.error("a request failed", exc_info=error)
 
     def _log_once(self, error: Exception) -> None:
         """With its traceback; an error that comes back at every tick is written once."""

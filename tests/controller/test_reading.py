@@ -99,6 +99,24 @@ def test_in_lockstep_the_tick_waits_so_that_runs_are_the_same() -> None:
         assert not arm.controller._reading.busy
 
 
+def test_one_that_fails_is_told_so_and_takes_nobody_with_it(
+    arm: PerfectArm, reader: Later, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lost, other = send(arm, "a", **PATH), send(arm, "b", **{**PATH, "priority": 5})
+    real = arm.controller._dispatcher.request
+
+    def fails(session: str, *rest: Any) -> Any:
+        if session == "a":
+            raise RuntimeError("a bug")
+        return real(session, *rest)
+
+    monkeypatch.setattr(arm.controller._dispatcher, "request", fails)
+    reader.work()
+    arm.advance(0.008)
+    assert arm.answers[lost]["message"] == 500 and arm.answers[other]["message"] == OK
+    assert [str(error) for error in arm.errors] == ["a bug"]
+
+
 def test_no_more_are_read_than_there_is_room_for(arm: PerfectArm, reader: Later) -> None:
     tickets = [send(arm, f"s{i}", command="getStatus", pad="x" * LONG) for i in range(MAX_WAITING + 1)]
     assert [ticket for ticket in tickets if ticket in arm.answers] == tickets[-1:]
