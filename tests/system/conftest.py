@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
+from services.controller import ik
 from tests.system.cell import Cell
+from tests.system.station import Station, pick_station
 
 MakeCell = Callable[..., Cell]
 
@@ -41,10 +43,26 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
         yield cell
 
 
+@pytest.fixture
+def station(tmp_path: Path) -> Iterator[Station]:
+    with pick_station(tmp_path) as station:
+        yield station
+
+
+@pytest.fixture(params=["ur5e", "fr3"])
+def either(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Station, ik.Arm]]:
+    """The pick station with one arm or the other."""
+    with pick_station(tmp_path, request.param) as station:
+        yield station, ik.load_arm(request.param)
+
+
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
     outcome: Any = yield
     report = outcome.get_result()
     if report.failed:
-        folders = [value for value in getattr(item, "funcargs", {}).values() if isinstance(value, Cell)]
+        given = getattr(item, "funcargs", {}).values()
+        given = [value[0] if isinstance(value, tuple) else value for value in given]
+        folders = [value.cell if isinstance(value, Station) else value for value in given]
+        folders = [value for value in folders if isinstance(value, Cell)]
         report.sections += [("log of the cell", cell.tail()) for cell in folders]

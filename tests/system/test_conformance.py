@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from tests.system.cell import ROOT
-from tests.system.test_motion import ARM, BAD, OK, Station, first_rest, speeds
+from tests.system.station import ARM, BAD, OK, Station, first_rest, speeds
 from tests.system.transports import TRANSPORTS, Client, Http, Json, Transport, ask, live_station, rested
 
 HOME = ARM.home.tolist()

@@ -18,7 +18,7 @@ import pytest
 from bus import Inbox, Sample
 from schemas import topics
 from schemas.motion import ArmCommand, ArmState
-from tests.system.test_motion import ARM, OK, Station
+from tests.system.station import ARM, OK, Station
 from tests.system.transports import (
     TRANSPORTS,
     Client,

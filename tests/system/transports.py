@@ -19,7 +19,7 @@ from schemas.world import Reset
 from tests.crf_client import CrfClient
 from tests.system.cell import Cell
 from tests.system.judge import Judge
-from tests.system.test_motion import Station
+from tests.system.station import Station
 
 OPTIONS = ("--world", "pick_station", "--lockstep", "--speed", "max", "--crf-port", "0")
 PATIENCE = 60.0  # seconds; only ever bounds a failure

@@ -174,6 +174,28 @@ def test_objectives_use_the_redundancy_and_leave_the_task(fr3: Arm) -> None:
     assert ik.objectives.state()["DesiredJointPositions"] == 0.0
 
 
+def test_manipulability_is_climbed_while_the_tool_stays(fr3: Arm) -> None:
+    ik = DifferentialIk(fr3, 0.004, blend_time=0.2)
+    q = fr3.home + np.array([0.4, 0.0, -0.6, 0.0, 0.3, 0.0, 0.0])  # home is a maximum
+    start = ik.forward(q)
+    before = ik.step(q, np.zeros(7), start).manipulability
+    ik.objectives.configure("Manipulability", {"enable": True, "c": 30.0})
+    run = follow(ik, lambda _: start, 3.0, q)
+    assert run.steps[-1].manipulability > 1.02 * before
+    assert run.errors_mm().max() < 0.05
+
+
+def test_an_objective_is_tuned_while_it_acts(fr3: Arm) -> None:
+    """Ten times the gain draws faster, at once and without a step in acceleration beyond the limits."""
+    ik = DifferentialIk(fr3, 0.004, blend_time=0.2)
+    start, wanted = ik.forward(fr3.home), [fr3.home[0] + 0.5] + [np.nan] * 6
+    ik.objectives.configure("DesiredJointPositions", {"enable": True, "c": 0.1, "attraction": wanted})
+    slow = follow(ik, lambda _: start, 0.6, fr3.home)
+    ik.objectives.configure("DesiredJointPositions", {"c": 1.0})
+    fast = follow(ik, lambda _: start, 0.6, slow.q[-1])
+    assert fast.q[-1][0] - fast.q[0][0] > 4 * (slow.q[-1][0] - slow.q[0][0]) > 0
+
+
 @pytest.mark.parametrize(
     ("name", "parameters", "says"),
     [
