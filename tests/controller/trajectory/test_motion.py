@@ -115,9 +115,10 @@ def test_an_override_scales_velocities_and_keeps_the_path(seed: int, part: float
     t = part * motion.end
     slower = motion.scaled(t, rate)
     changed(motion, slower, t, max(0.0, t - 0.05))
-    # Braking to the new rate takes the time of a stop at most; at low rates the path's grid costs some per cent.
+    # Braking to the new rate takes the time of a stop at most. At low rates the path's grid costs some per cent, and
+    # the slack of the plan's check, which is a share of the whole limit, some more.
     settled = min(slower.end - 0.01, t + 1.0)
-    assert record(slower.at, settled, slower.end).use(FR3_LIMITS)[0] <= rate * 1.05
+    assert record(slower.at, settled, slower.end).use(FR3_LIMITS)[0] <= rate * 1.05 + motion.planning.slack
     assert np.abs(slower.at(slower.end).q - way_points(seed)[-1]).max() < 1e-9
 
 
