@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import rerun as rr
 
 from schemas.base import Quaternion, Vec3
-from schemas.motion import ArmModel, Holder, MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
+from schemas.motion import ArmModel, Gripper, Holder, MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
 from schemas.orientation import TaskPose, quaternion
 from services.viewer import colours
 from services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
@@ -103,6 +103,9 @@ class ArmView:
         runs = bool(status.is_trajectory_running.value)
         if runs != (before is not None and bool(before.is_trajectory_running.value)):
             yield self._note("a trajectory runs" if runs else "the trajectory is done")
+        grip, grip_before = _gripper(status.gripper), _gripper(before.gripper if before is not None else None)
+        if grip != grip_before:
+            yield self._note(grip)
         if status.stopped_by and (before is None or status.stopped_by != before.stopped_by):
             yield self._note(f"stopped by {_short(status.stopped_by)}", "ERROR")
 
@@ -139,6 +142,12 @@ class ArmView:
 
 def _holder(holder: Holder | None) -> str:
     return f"{_short(holder.client)} at priority {holder.priority}" if holder is not None else ""
+
+
+def _gripper(gripper: Gripper | None) -> str:
+    if gripper is None or not gripper.suction:
+        return "suction off"
+    return "suction on, something is held" if gripper.holding else "suction on, nothing is held"
 
 
 def _short(client: str) -> str:

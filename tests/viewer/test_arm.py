@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas.motion import ArmModel, ControlInfo, Holder, MotionEvent, MotionPath
+from schemas.motion import ArmModel, ControlInfo, Gripper, Holder, MotionEvent, MotionPath
 from services.viewer.arm import ArmView
 from services.viewer.blueprint import EMPTY_HALL, blueprint, shown
 from services.viewer.items import Drawing, Note, Pose, Row
@@ -53,6 +53,9 @@ def test_the_log_tells_who_holds_control_and_who_stopped(view: ArmView) -> None:
     assert ("INFO", "locked by teach pendant at priority 5") in notes(view.status(held))
     assert notes(view.status(held)) == []
     assert ("INFO", "unlocked") in notes(view.status(arm_status(0)))
+    pumping = arm_status(0).model_copy(update={"gripper": Gripper(suction=True, holding=True)})
+    assert notes(view.status(pumping)) == [("INFO", "suction on, something is held")]
+    assert notes(view.status(arm_status(0))) == [("INFO", "suction off")]
     stopped = arm_status(0).model_copy(update={"stopped_by": "x" * 40})
     assert notes(view.status(stopped)) == [("ERROR", f"stopped by {'x' * 12}…")]
     info = ControlInfo(client="a", priority=3, lease_id=1, epoch="e", by="b", reason="preempted")
