@@ -175,7 +175,7 @@ def listeners(port: int) -> set[str]:
 
 def is_served(url: str) -> bool:
     try:
-        return bool(httpx.get(url, trust_env=False).is_success)
+        return bool(httpx.get(url, trust_env=False, follow_redirects=True).is_success)
     except httpx.HTTPError:
         return False
 
