@@ -1,21 +1,19 @@
 """The arithmetic of an arm's servo: short segments that its reference follows, and torques that hold the joints to it.
 
-Compiled by numba, with its cache. All of it is in one file because numba's cache notices a change only in the file of
-the function it compiled. Arrays are (n,), one entry a joint: rad, rad/s, rad/s², N·m; times in seconds.
+Arrays are (n,), one entry a joint: rad, rad/s, rad/s², N·m; times in seconds.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from services.compiled import compiled
+
 Array = NDArray[np.float64]
-F = TypeVar("F", bound=Callable[..., Any])
 
 # What a segment is planned for.
 HOLD, POSITION, VELOCITY = 0, 1, 2
@@ -69,11 +67,6 @@ class Reference(NamedTuple):
         """At this position, passed with this velocity. Nothing is planned beyond the next ``step``."""
         p, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
         return cls(p, v, np.zeros(len(p), np.bool_), p.copy(), v.copy(), p + v * step, v.copy(), np.array([0.0, step]))
-
-
-def compiled(function: F) -> F:
-    """Machine code at the first call, kept on disk for the next process."""
-    return cast("F", njit(cache=True)(function))
 
 
 @compiled

@@ -10,13 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from services.compiled import compiled
+
 from .arm import Arm, ArmError
-from .kernels import forward  # compiled into this file's cache: save this file too when `forward` changes
+from .kernels import forward
 
 Array = NDArray[np.float64]
+Point = tuple[float, float, float]
 
 # Columns of the table of rows: joint and centre of one sphere, of the other, the distance at contact, keep out or in
 # (±1).
@@ -60,8 +62,8 @@ def build_table(arm: Arm, zones: Sequence[Zone], self_collision: bool, margin: f
     return np.array(rows, float).reshape(-1, COLUMNS)
 
 
-@njit(cache=True)
-def place(frames, joint, center):  # type: ignore[no-untyped-def]
+@compiled
+def place(frames: Array, joint: int, center: Array) -> Point:
     """Position in the base frame of a point given in the frame of `joint` (-1: the base)."""
     if joint < 0:
         return center[0], center[1], center[2]
@@ -73,8 +75,8 @@ def place(frames, joint, center):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True)
-def add_derivative(frames, joint, point, x, y, z, row):  # type: ignore[no-untyped-def]
+@compiled
+def add_derivative(frames: Array, joint: int, point: Point, x: float, y: float, z: float, row: Array) -> None:
     """Add to `row` (n,) the derivative by q of (x, y, z)·(a point fixed to `joint`, now at `point` in the base
     frame)."""
     for k in range(joint + 1):
@@ -84,8 +86,8 @@ def add_derivative(frames, joint, point, x, y, z, row):  # type: ignore[no-untyp
         row[k] += x * (ay * rz - az * ry) + y * (az * rx - ax * rz) + z * (ax * ry - ay * rx)
 
 
-@njit(cache=True)
-def gap(pair, frames, row):  # type: ignore[no-untyped-def]
+@compiled
+def gap(pair: Array, frames: Array, row: Array) -> float:
     """The gap [m] of one row of the table, and its derivative by q in `row` (n,)."""
     joint_a, joint_b, sense = int(pair[JOINT_A]), int(pair[JOINT_B]), pair[SENSE]
     a = place(frames, joint_a, pair[CENTER_A : CENTER_A + 3])
@@ -99,11 +101,13 @@ def gap(pair, frames, row):  # type: ignore[no-untyped-def]
     row[:] = 0.0
     add_derivative(frames, joint_a, a, x, y, z, row)
     add_derivative(frames, joint_b, b, -x, -y, -z, row)
-    return sense * (distance - pair[CONTACT])
+    return float(sense * (distance - pair[CONTACT]))
 
 
-@njit(cache=True)
-def collision_rows(table, acceleration, dt, frames, rows, bounds, gaps):  # type: ignore[no-untyped-def]
+@compiled
+def collision_rows(
+    table: Array, acceleration: Array, dt: float, frames: Array, rows: Array, bounds: Array, gaps: Array
+) -> None:
     """Fill `rows` (m, n) and `bounds` (m,) of rows·v ≤ bounds: no gap closes faster than can be braked; and `gaps`.
 
     The bound is the joints' own (`kernels.position_box`), with a quarter of the deceleration that all joints together
@@ -120,8 +124,10 @@ def collision_rows(table, acceleration, dt, frames, rows, bounds, gaps):  # type
             bounds[r] = RETREAT * max(gaps[r] - RESERVE, -RESERVE)
 
 
-@njit(cache=True)
-def stop_is_clear(table, gaps, placements, acceleration, dt, q, v):  # type: ignore[no-untyped-def]
+@compiled
+def stop_is_clear(
+    table: Array, gaps: Array, placements: Array, acceleration: Array, dt: float, q: Array, v: Array
+) -> bool:
     """Whether the arm, moving with v for one tick and then braking all it can, keeps every gap open.
 
     A gap that is closed already, in `gaps` (m,), may not get smaller. Looks every third tick of the braking and at its

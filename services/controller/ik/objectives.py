@@ -132,13 +132,14 @@ class CollisionAvoidanceSphere:
         forward(self.arm.placements, q, frames)
         found = []
         for sphere in self.arm.spheres:
-            point = np.array(place(frames, sphere.joint, sphere.center))
-            offset = point - self.center
+            point = place(frames, sphere.joint, sphere.center)
+            offset = np.array(point) - self.center
             distance = float(np.linalg.norm(offset))
             depth = self.range + self.radius + sphere.radius - distance
             if depth > 0.0 and distance > 1e-9 and sphere.joint >= 0:
                 row = np.zeros(self.arm.n)
-                add_derivative(frames, sphere.joint, point, *(offset / distance), row)
+                x, y, z = (offset / distance).tolist()
+                add_derivative(frames, sphere.joint, point, x, y, z, row)
                 found.append((depth, row))
         return found
 

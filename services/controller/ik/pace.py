@@ -19,9 +19,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
 
-from .kernels import (  # compiled into this file's cache: save this file too when these change
+from services.compiled import compiled
+
+from .kernels import (
     DAMPING,
     DT,
     WEIGHTS,
@@ -39,9 +41,13 @@ CURVATURE = 0.5  # γ: share of a joint's acceleration that following the line m
 TAKE_OVER = 0.1  # [rad/s] up to which other joints take over at once
 CREEP = 5e-3  # √w [m/s, rad/s]: an error of this speed costs as much as standing still
 
+Array = NDArray[np.float64]
 
-@njit(cache=True)
-def rate(placements, tuning, q, twist, jac, h, body, dq):  # type: ignore[no-untyped-def]
+
+@compiled
+def rate(
+    placements: Array, tuning: Array, q: Array, twist: Array, jac: Array, h: Array, body: Array, dq: Array
+) -> None:
     """Fill `dq` (n,) with the joint velocity for `twist` (6,), base axes, at q; and what that takes: the Jacobian, `h`
     as `tick` has it, and the twist in the tool's axes."""
     n = q.shape[0]
@@ -59,8 +65,8 @@ def rate(placements, tuning, q, twist, jac, h, body, dq):  # type: ignore[no-unt
     cholesky_solve(factor, n, dq, dq)
 
 
-@njit(cache=True)
-def pace(placements, limits, tuning, q, v, twist):  # type: ignore[no-untyped-def]
+@compiled
+def pace(placements: Array, limits: Array, tuning: Array, q: Array, v: Array, twist: Array) -> float:
     """The factor 0 … 1 on `twist` (6,), base axes at the tool, from q and v (n,); see the module. `limits` and `tuning`
     as in `tick`."""
     n = q.shape[0]
@@ -95,4 +101,4 @@ def pace(placements, limits, tuning, q, v, twist):  # type: ignore[no-untyped-de
     wide[n, n] = np.sum(weighted * body) + damping * np.sum(dq * dq) + CREEP * CREEP
     c[n], upper[n], x[:n] = CREEP * CREEP, most, dq
     solve_box(wide, c, lower, upper, x)
-    return x[n] if x[n] < 1.0 - 1e-6 else 1.0
+    return float(x[n]) if x[n] < 1.0 - 1e-6 else 1.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from services.compiled import compiled
 from services.controller.trajectory.model import Array
 
 
@@ -52,7 +52,7 @@ class JointCurve:
         return JointCurve(self.s[first:], self.q[first:], self.dq[first:], self.ddq[first:])
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _hermite(knots: Array, q: Array, dq: Array, ddq: Array, at: Array, left: bool, out: Array) -> None:
     last = knots.size - 2
     for m in range(at.size):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from services.compiled import compiled
 from services.controller.trajectory.model import Array
 
 
@@ -108,7 +108,7 @@ def phase_from(start: float, s: Array, x: Array, u: Array, end: float, pause: fl
     return Phase(t[distinct], s[distinct], v[distinct], np.append(u, 0.0)[distinct])
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _filter(T: Array, S: Array, V: Array, A: Array, times: Array, long: float, short: float, out: Array) -> None:
     """Both boxes integrated exactly: from the window's begin, s and its first and second integral are carried along the
     pieces, and read at the four times that the second difference of the double integral needs."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 
+from services.compiled import compiled
 from services.controller.trajectory.curve import JointCurve
 from services.controller.trajectory.geometry import TaskPath
 from services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
@@ -240,7 +240,7 @@ def _widened(array: Array, width: int) -> Array:
     return np.pad(array, ((0, 0), (0, width - array.shape[1])))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _measure(S: Array, speed: Array, A: Array, B: Array, phase: Array, out: Array) -> None:
     """Raises ``out`` (k, 3) to what the filtered phase (k, 4) uses of the TCP's limits, linear between grid points."""
     for m in range(phase.shape[0]):

@@ -11,14 +11,14 @@ All arrays: ``s`` (N,), ``A``, ``B`` (N, m) rows over their limits, ``c`` (N,) t
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from services.compiled import compiled
 from services.controller.trajectory.model import Array
 
 _TINY = 1e-12
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _cut(a: float, b: float, c: float, x: float, box: Array) -> None:
     """Narrows ``box`` = [low, its slope by x, high, its slope, ceiling of x] by |a u + b x| ≤ c."""
     if abs(a) < _TINY:
@@ -35,7 +35,7 @@ def _cut(a: float, b: float, c: float, x: float, box: Array) -> None:
         box[3] = slope
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _accelerations(A: Array, B: Array, c: Array, i: int, h: float, x: float, box: Array) -> None:
     """The interval of u at x that the rows at both ends of interval i leave, into ``box``."""
     box[0], box[1], box[2], box[3], box[4] = -np.inf, 0.0, np.inf, 0.0, np.inf
@@ -44,7 +44,7 @@ def _accelerations(A: Array, B: Array, c: Array, i: int, h: float, x: float, box
         _cut(A[i + 1, j] + 2 * h * B[i + 1, j], B[i + 1, j], c[i + 1], x, box)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def controllable(s: Array, A: Array, B: Array, c: Array, ceiling: Array) -> Array:
     """β (N,): the largest x at every grid point from which the path can be finished. The path ends at ceiling[-1]."""
     n = s.size
@@ -76,7 +76,7 @@ def controllable(s: Array, A: Array, B: Array, c: Array, ceiling: Array) -> Arra
     return beta
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def drive(
     s: Array, A: Array, B: Array, c: Array, beta: Array, x0: float, reserve: float, braking: bool
 ) -> tuple[Array, Array, float]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from services.planner.navigation.compiled import compiled
+from services.compiled import compiled
 from services.planner.navigation.heap import grown, pop, push
 
 Field = NDArray[np.float32]

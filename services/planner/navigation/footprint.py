@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.planner.navigation.compiled import compiled
+from services.compiled import compiled
 from services.planner.navigation.field import Field, sample
 
 SPACING = 0.04  # m between the discs along the outline

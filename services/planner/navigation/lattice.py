@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from services.planner.navigation.compiled import compiled
+from services.compiled import compiled
 from services.planner.navigation.field import Field, crowding, sample
 from services.planner.navigation.footprint import clearance, sweep_clearance
 from services.planner.navigation.heap import pop, push

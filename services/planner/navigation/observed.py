@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.chassis import Scan
-from services.planner.navigation.compiled import compiled
+from services.compiled import compiled
 from services.planner.navigation.field import distance_field
 from services.planner.navigation.grid import Mask, StaticMap
 from services.planner.navigation.se2 import Pose, compose

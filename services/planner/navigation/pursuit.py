@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.planner.navigation.compiled import compiled
+from services.compiled import compiled
 from services.planner.navigation.plan import Segment
 from services.planner.navigation.se2 import Pose, wrap
 from services.planner.navigation.settings import NavigationSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.planner.navigation.compiled import compiled
+from services.compiled import compiled
 from services.planner.navigation.field import Field
 from services.planner.navigation.footprint import Footprint, clearance
 from services.planner.navigation.plan import Plan

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.base import Twist2
-from services.planner.navigation.compiled import compiled
+from services.compiled import compiled
 from services.planner.navigation.grid import Geometry, Mask
 from services.planner.navigation.se2 import Pose
 from services.planner.navigation.settings import NavigationSettings

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.base import NANOSECONDS, Twist2
-from services.planner.navigation.compiled import compiled
+from services.compiled import compiled
 from services.planner.navigation.field import Field
 from services.planner.navigation.footprint import Footprint
 from services.planner.navigation.mppi import Mppi
