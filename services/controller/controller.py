@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,50 +22,33 @@ from schemas.motion import (
     ArmState,
     ControlInfo,
     Expected,
-    MotionDiagnostics,
     MotionEvent,
-    MotionPath,
     MotionStatus,
 )
 from services.controller import ik
 from services.controller.access import Access
 from services.controller.access_hop import LastHop
 from services.controller.access_streams import StreamGuard, StreamSample
-from services.controller.access_types import AccessConfig, AuditEntry, ContinueMotion, Order, StopMotion
-from services.controller.motion.diagnostics import diagnostics
-from services.controller.motion.meter import Meter, Stopwatch, no_stopwatch
+from services.controller.access_types import AccessConfig, ContinueMotion, Order, StopMotion
+from services.controller.motion.loop_watch import LoopWatch
+from services.controller.motion.meter import Stopwatch, no_stopwatch
 from services.controller.motion.mover import Mover, Reference
-from services.controller.motion.outline import outline
 from services.controller.motion.parameters import ParametersRefused
 from services.controller.motion.planner import Answered, PathPlanner
 from services.controller.motion.profile import configuration
 from services.controller.motion.status import Observer, StatusCodes
 from services.controller.motion.way_points import append_joints, append_task
+from services.controller.output import Output
 from services.controller.protocol.answers import encode, error
 from services.controller.protocol.checks import parameters_of
 from services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
 from services.controller.protocol.parse import Parsed, parse
 from services.controller.protocol.reading import LONG, Reading, ReadingRoom
 from services.controller.trajectory.model import Array, PathRefused
-from services.controller.trajectory.queue import Leg
 
 STATUS_PERIOD_NS = 40_000_000
 STANDSTILL = 0.05  # rad/s measured
 GRIPPER_COMMANDS = frozenset({"setGripper"})
-
-
-@dataclass
-class Output:
-    """What follows from what happened, each in order. ``streams``: status streams by session."""
-
-    replies: list[tuple[object, str]] = field(default_factory=list)
-    events: list[MotionEvent] = field(default_factory=list)
-    audit: list[AuditEntry] = field(default_factory=list)
-    streams: list[tuple[str, str]] = field(default_factory=list)
-    status: MotionStatus | None = None
-    diagnostics: MotionDiagnostics | None = None
-    path: MotionPath | None = None
-    errors: list[BaseException] = field(default_factory=list)
 
 
 class Controller:
@@ -86,9 +69,7 @@ class Controller:
         self._not_offered = not_offered
         self._arm, self._config, self._new_epoch = arm, access, new_epoch
         self.mover = Mover(arm, period_ns * 1e-9, stopwatch)
-        self._meter = Meter(stopwatch)
-        self._outlined: tuple[Leg, ...] | None = None  # the motions whose way was told
-        self._late_ticks = 0
+        self._watch = LoopWatch(self.mover, stopwatch)
         self._planner = PathPlanner(executor, period_ns * 1e-9)
         self._reading = ReadingRoom(reader or executor, lambda text: self._dispatcher.read(text))
         self._hop = LastHop()
@@ -202,11 +183,11 @@ class Controller:
         self._take_in(lockstep=False)
         if self._tick is not None:
             self._collect(self._time(self._tick), tick=False, lockstep=False)
-            self._tell_path()
+            self._output.path = self._watch.changed_path(self._now) or self._output.path
 
     def tick(self, state: ArmState, lockstep: bool) -> ArmCommand:
         """One control period. ``lockstep``: whoever measures waits for the answer, so plans are waited for here."""
-        with self._meter.measure():
+        with self._watch.meter.measure():
             return self._answer(state, lockstep)
 
     def _answer(self, state: ArmState, lockstep: bool) -> ArmCommand:
@@ -217,7 +198,7 @@ class Controller:
             self.mover.begin_at(state, 0.0)
         elif now - self._tick > 1.5 * self.period_ns:
             late = frozenset({CrfCode.RealTimeViolation})
-            self._late_ticks += 1
+            self._watch.late_ticks += 1
         self._now = max(self._now, now)
         self._tick = now
         t = self._time(now)
@@ -304,15 +285,7 @@ class Controller:
         if slot != self._status_slot:
             self._status_slot = slot
             self._output.status = status
-            tick_us = self._meter.read_us()
-            self._output.diagnostics = diagnostics(self.mover, state, commanded, tick_us, self._late_ticks)
-
-    def _tell_path(self) -> None:
-        legs = self.mover.queue.legs
-        if legs is not self._outlined:
-            self._outlined = legs
-            points, ends = outline(self.mover.queue, self.mover.time, self.mover.kinematics)
-            self._output.path = MotionPath(stamp=self._now, points=points, ends=ends)
+            self._output.diagnostics = self._watch.diagnostics(state, commanded)
 
     def _status(self) -> MotionStatus:
         running = self.mover.running or (self._planner.busy and self._tick is not None)

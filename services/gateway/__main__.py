@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Annotated, Any
 
 import typer
@@ -18,6 +19,7 @@ EPILOG = """Examples:\n
   python -m services.gateway --arm arm1 --crf-port arm1=5000\n
 Everything else is set in the environment, as in RACKHAND_GATEWAY_SECRET=… or RACKHAND_GATEWAY_SERVICE_STATUS=201.
 """
+NICE = 5
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -60,6 +62,7 @@ def main(
         raise typer.BadParameter(explain(error)) from None
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--expect") from None
+    os.nice(NICE)  # clients, however many, must not hold up what moves
     run(settings)
 
 
