@@ -14,6 +14,7 @@ from services.sim.arm_model import CUP, FORCE, SEALS, SUCTION, SUCTION_FORCE, TO
 from services.sim.arm_servo import (
     HOLD,
     POSITION,
+    STREAM_SLACK,
     VELOCITY,
     Array,
     JointLimits,
@@ -29,6 +30,8 @@ from services.sim.fence import Fence
 
 # Commands come each 2 … 20 ms (s); before the second one has come, the interval is taken to be this.
 SHORTEST, LONGEST, FIRST_INTERVAL = 0.002, 0.02, 0.004
+# For so many intervals without a command a stream is taken to be late and goes on as it went; then it has ended.
+COASTS = 2
 
 Mode = Literal["position", "velocity", "torque", "hold"]
 _PLANS = {"position": POSITION, "velocity": VELOCITY}
@@ -36,8 +39,8 @@ _PLANS = {"position": POSITION, "velocity": VELOCITY}
 
 @dataclass(frozen=True)
 class Order:
-    """A command in force. ``velocity``: with which the stream that it belongs to passes the position;
-    ``interval``: seconds since the command before it.
+    """A command in force. ``velocity``: with which the stream that it belongs to passes the position, 0 of a joint that
+    jumps there; ``interval``: seconds since the command before it.
     """
 
     mode: Mode
@@ -71,8 +74,9 @@ class Arm:
         data.qpos[self._qpos] = home
         self._torque, self._none = np.zeros(self.n), np.zeros(self.n)
         self._reference = Reference.at(np.array(home), self._none, self._step)
+        self._coasts = 0  # how many segments more a stream may be late
         # Compiled here, for no command is to wait for it.
-        self._plan("hold", None, is_new=True)
+        self._plan("hold", None, ahead=0.0)
         let_torques(self._none, self._now, self.limits, self._torque)
         hold_to(self._reference, self._now, self.limits, self._step, self._torque)
 
@@ -150,7 +154,8 @@ class Arm:
             slope = (values - before.values) / gap if gap > 0 else before.slope
             # At the end of the interval the stream is faster than on average by half of what it gained.
             gained, most = slope - before.slope, self.limits.acceleration * interval
-            velocity = slope + np.clip(gained, -most, most) / 2
+            streams = (np.abs(gained) <= STREAM_SLACK * most) & (np.abs(slope) <= 1.001 * self.limits.velocity)
+            velocity = np.where(streams, slope + np.clip(gained, -most, most) / 2, 0.0)
         self._order = Order(command.mode, values, command.answers, velocity, slope, interval)
         return True
 
@@ -170,7 +175,8 @@ class Arm:
             # What the reference was before is forgotten.
             self._reference = Reference.at(self._now.position, self._now.velocity, self._step)
         if mode != self._mode or order is not self._taken:
-            self._plan(mode, order, is_new=True)
+            self._coasts = COASTS
+            self._plan(mode, order, ahead=0.0 if order is None else (stamp - order.answers) * 1e-9)
         self._mode, self._taken = mode, order
 
     def servo(self) -> None:
@@ -180,7 +186,7 @@ class Arm:
         else:
             time, duration = self._reference.timing
             if time > duration - self._step / 2:
-                self._plan(self._mode, self._taken, is_new=False)
+                self._go_on()
             hold_to(self._reference, self._now, self.limits, self._step, self._torque)
         control = self._data.ctrl
         control[self._motors] = self._torque
@@ -188,13 +194,27 @@ class Arm:
             self._holding = self._suction and self._is_sealed()
             control[self._pump] = float(self._holding)
 
-    def _plan(self, mode: Mode, order: Order | None, is_new: bool) -> None:
-        """The next segment, from the present reference on. A command that is not new has ended its stream."""
+    def _plan(self, mode: Mode, order: Order | None, ahead: float, ended: bool = False) -> None:
+        """The next segment, from the present reference on. ``ahead``: by how many seconds the stream is further than
+        its newest command says; ``ended``: it is not, that was its last.
+        """
+        self._ahead = ahead
         interval = FIRST_INTERVAL if order is None else order.interval
         duration = max(round(interval / self._step), 1) * self._step
-        values = self._none if order is None else order.values
-        passing = order.velocity if order is not None and is_new else self._none
+        values = passing = self._none
+        if order is not None:
+            passing = self._none if ended else order.velocity
+            values = order.values + passing * ahead if order.mode == "position" else order.values
         plan(self._reference, _PLANS.get(mode, HOLD), values, passing, self.limits, duration)
+
+    def _go_on(self) -> None:
+        """A segment has ended and no command has come: the stream is late, or has ended."""
+        order = self._taken
+        if order is not None and self._coasts:
+            self._coasts -= 1
+            self._plan(self._mode, order, ahead=self._ahead + self._reference.timing[1])
+        else:
+            self._plan(self._mode, order, ahead=0.0, ended=True)
 
     def _is_sealed(self) -> bool:
         """Whether something faces the mouth of the cup; at its side it would only draw air."""

@@ -74,8 +74,8 @@ def plan(reference: Reference, mode: int, values: Array, passing: Array, limits:
     """The next segment of the reference, from where it is.
 
     ``POSITION``: to ``values``, passed with the velocities ``passing``. Where they can be reached within the segment,
-    and the joint can then stop before the end of its range, they are; else it goes there within its limits of velocity
-    and acceleration, and can always stop at them.
+    and the joint can then stop before the end of its range, they are; else it draws near what passes there within its
+    limits of velocity and acceleration: it can always brake to the velocity ``passing`` when it has caught up.
     ``VELOCITY``: to ``values``, so that the joint can always stop before the end of its range. ``HOLD``: to standstill,
     as hard as the acceleration limits allow.
     """
@@ -198,8 +198,13 @@ def _towards(
     room = upper - target if passing > 0 else target - lower
     if at_hand and abs(passing) <= math.sqrt(2 * acceleration * room) + acceleration * duration:
         return target, passing
-    speed = _stopping_speed(abs(way), _sign(way) * v, fastest, acceleration, duration)
-    return _accelerate(p, v, _sign(way) * speed, acceleration, duration)
+    # As one sees it who moves with what is to be caught up.
+    behind = way - passing * duration
+    closing = _stopping_speed(abs(behind), _sign(behind) * (v - passing), fastest, acceleration, duration)
+    wanted = passing + _sign(behind) * closing
+    room = max(upper - p if wanted > 0 else p - lower, 0.0)
+    most = _stopping_speed(room, _sign(wanted) * v, fastest, acceleration, duration)
+    return _accelerate(p, v, _clip(wanted, -most, most), acceleration, duration)
 
 
 @compiled

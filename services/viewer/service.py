@@ -28,6 +28,7 @@ log = get_logger(__name__)
 
 READ_AHEAD = 1024  # events a frame takes in at most
 ROWS_EVERY, REPEAT_EVERY = 0.4, 5.0  # seconds of wall time
+REST = 5.0  # times as long as a frame took nothing is drawn at least
 SETTLED = 0.5  # seconds of wall time without anybody new
 CLOCK_PATIENCE = 1.0  # seconds of wall time after which a cell without a clock is drawn
 AHEAD = 5 * NANOSECONDS  # what is stamped later than this after the clock is of a run that is over
@@ -93,6 +94,13 @@ def numbered(path: Path, number: int) -> Path:
     return path if number == 1 else path.with_name(f"{path.stem}.{number}{path.suffix}")
 
 
+def next_frame(due: float, begun: float, ended: float, period: float) -> float:
+    """When the frame after one that was ``due`` is. Where the machine is short of time a frame takes long, and the
+    next one waits so much longer: others need the time more.
+    """
+    return max(due + period, ended + REST * (ended - begun))
+
+
 class Every:
     """True once in so many seconds, first when they have passed."""
 
@@ -135,8 +143,9 @@ class Viewer:
         """Draw until the bus stops, or what is drawn on is not ``alive`` any more."""
         due = time.monotonic()
         while not self._bus.stopping and alive():
-            self.frame(time.monotonic())
-            due = max(due + self._period, time.monotonic() + self._period / 4)
+            begun = time.monotonic()
+            self.frame(begun)
+            due = next_frame(due, begun, time.monotonic(), self._period)
             time.sleep(max(0.0, due - time.monotonic()))
         if self._recording is not None:
             self._recording.close()

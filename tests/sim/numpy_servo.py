@@ -46,8 +46,8 @@ class Segment:
 def towards(now: Motion, target: Array, velocity: Array, limits: JointLimits, duration: float) -> Segment:
     """On the way to ``target``, to be passed with ``velocity``.
 
-    Where it can be reached within the segment it is; else the joint goes there within its limits of velocity and
-    acceleration, and can always stop at it.
+    Where it can be reached within the segment it is; else the joint draws near what passes there within its limits of
+    velocity and acceleration.
     """
     target = np.clip(target, limits.lower, limits.upper)
     velocity = np.clip(velocity, -limits.velocity, limits.velocity)
@@ -56,8 +56,12 @@ def towards(now: Motion, target: Array, velocity: Array, limits: JointLimits, du
     at_hand = (np.abs(way - now.velocity * duration) <= reach) & (np.abs(way) <= limits.velocity * duration * 1.001)
     room = np.where(velocity > 0, limits.upper - target, target - limits.lower)
     at_hand &= np.abs(velocity) <= np.sqrt(2 * limits.acceleration * room) + limits.acceleration * duration
-    speed = _stopping_speed(np.abs(way), np.sign(way) * now.velocity, limits, duration)
-    limited = _accelerate(now, np.sign(way) * speed, limits.acceleration, duration)
+    behind = way - velocity * duration
+    closing = _stopping_speed(np.abs(behind), np.sign(behind) * (now.velocity - velocity), limits, duration)
+    wanted = velocity + np.sign(behind) * closing
+    left = np.maximum(np.where(wanted > 0, limits.upper - now.position, now.position - limits.lower), 0.0)
+    most = _stopping_speed(left, np.sign(wanted) * now.velocity, limits, duration)
+    limited = _accelerate(now, np.clip(wanted, -most, most), limits.acceleration, duration)
     end = Motion(np.where(at_hand, target, limited.end.position), np.where(at_hand, velocity, limited.end.velocity))
     return Segment(now, end, duration)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from schemas import topics
-from schemas.base import Pose2
+from schemas.base import NANOSECONDS, Pose2
 from schemas.motion import ArmCommand, ArmState, FencingToken, Gripper
 from schemas.world import Place
 from services.sim.arm import Arm
@@ -189,6 +189,37 @@ def test_a_stream_of_positions_is_followed_without_lag(simulation: Simulation) -
     states = control(simulation, 1.0, "position", lambda time: wave(time + PERIOD * 1e-9))
     wanted = np.array([wave(state.stamp * 1e-9) for state in states])
     np.testing.assert_allclose(positions(states), wanted, atol=2e-5)
+
+
+def test_a_stream_whose_commands_come_late_is_followed_without_lag_and_gently(ur5e: Simulation) -> None:
+    """As in real time: never at the instant itself, and one in five several milliseconds later."""
+    generator, home = np.random.default_rng(7), np.array(PICK_STATION_HOME)
+    on_its_way: list[tuple[int, ArmCommand]] = []
+    measured: list[tuple[float, float, float]] = []
+
+    def wanted(seconds: float) -> np.ndarray:
+        return home + 0.3 * (1 - np.cos(2 * seconds))
+
+    while ur5e.stamp < 4 * NANOSECONDS:
+        if ur5e.stamp % PERIOD == 0:
+            values = tuple(wanted((ur5e.stamp + PERIOD) / NANOSECONDS).tolist())
+            late = generator.integers(2, 6) if generator.random() < 0.2 else 1
+            arrives = max([ur5e.stamp + int(late) * ARM_INSTANT_NS, *(stamp for stamp, _ in on_its_way)])
+            command = ArmCommand(answers=ur5e.stamp, mode="position", values=values, token=TOKEN)
+            on_its_way.append((arrives, command))
+        while on_its_way and on_its_way[0][0] <= ur5e.stamp:
+            assert ur5e.command("arm1", on_its_way.pop(0)[1])
+        ur5e.step()
+        state = state_of(ur5e)
+        measured.append((state.stamp / NANOSECONDS, state.q[0], state.dq[0]))
+    t, q, dq = np.array(measured).T
+    true = 0.6 * np.sin(2 * t)
+    fast = np.abs(true) > 0.3
+    lag = (q - (home[0] + 0.3 * (1 - np.cos(2 * t))))[fast] / -true[fast]
+    limit = arm_of(ur5e).limits.acceleration[0]
+    assert np.abs(lag).max() < 5e-4
+    assert np.abs(dq - true).max() < 0.03
+    assert np.abs(np.diff(dq) / np.diff(t)).max() < 1.5 * limit
 
 
 def test_a_jump_is_made_within_the_limits_and_ends_at_rest(simulation: Simulation) -> None:

@@ -16,7 +16,7 @@ from schemas.motion import ArmModel, MotionDiagnostics, MotionPath, MotionStatus
 from schemas.service import BusStats, ServiceId
 from schemas.world import Clock, ObjectPose, Objects, Scene, SceneGeom
 from services.viewer.recording import Recording
-from services.viewer.service import Viewer, numbered
+from services.viewer.service import Viewer, next_frame, numbered
 from tests.gateway import messages
 from tests.viewer import reading
 
@@ -226,3 +226,10 @@ def test_services_that_come_and_go_are_told(bench: Bench) -> None:
         for [text] in chunk.to_record_batch()["TextLog:text"].to_pylist()
     ]
     assert "amr1/planner is gone" in told
+
+
+def test_frames_keep_their_pace_where_the_machine_does_and_wait_where_it_does_not() -> None:
+    period = 0.04
+    assert next_frame(due=1.0, begun=1.0, ended=1.006, period=period) == pytest.approx(1.04)
+    assert next_frame(due=1.0, begun=1.02, ended=1.026, period=period) == pytest.approx(1.056)
+    assert next_frame(due=1.0, begun=1.0, ended=1.1, period=period) == pytest.approx(1.6)
