@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import secrets
 import sys
 import time
@@ -65,7 +64,6 @@ def main(
     ] = None,
     keep_alive: Annotated[float, typer.Option(min=0.1, help="seconds a lock lives without being refreshed")] = 10.0,
 ) -> None:
-    configure_logging("controller")
     if SECOND % rate:
         raise typer.BadParameter(f"{rate} Hz: want a rate whose period is a whole number of nanoseconds")
     not_offered = frozenset(without or ())
@@ -78,12 +76,10 @@ def main(
     except (ik.ArmError, OSError) as error:
         typer.echo(f"controller of {robot}: {error}", err=True)
         raise typer.Exit(2) from None
+    configure_logging("controller")
     sys.setswitchinterval(SWITCH_INTERVAL)
     period_ns = SECOND // rate
     warm_up(model, period_ns)
-    # What is there by now stays. Looking at all of it again would hold the loop for many ticks.
-    gc.collect()
-    gc.freeze()
     access = AccessConfig(keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf)
     audit = AuditWriter(audit_log, lambda error: log.error("the audit log cannot be written", error=str(error)))
     with (

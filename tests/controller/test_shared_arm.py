@@ -82,18 +82,23 @@ class SharedArm(RuleBasedStateMachine):
         return self.send_text(session, json.dumps(request))
 
     def send_text(self, session: str, text: str) -> dict[str, Any]:
-        """Paths are answered by the next tick; everything else at once. Every request gets one answer."""
+        """Every request gets one answer: paths behind another one when that is on its way, everything else at once."""
         before, held = self.holder(), self.arm.controller.access.holder(self.arm.stamp)
         ticket = self.arm.send(session, text)
         self.arm.controller.poll()
         self.arm._take()
-        assert ticket in self.arm.answers
+        request, free_since = json.loads(text), self.free_since
+        now = self.arm.controller.access.holder(self.arm.stamp)
+        refreshed = now is not None and now.client == alias(session) and now.lease_age == 0
+        if refreshed and request["command"] == "appendPath":
+            self.free_since = None  # it may be driven before it is answered
+            while ticket not in self.arm.answers and self.arm.controller.busy:
+                self.time_passes(4)
         answer = self.arm.answers[ticket]
-        request = json.loads(text)
         granted = isinstance(answer["message"], dict) and answer["message"].get("code") == 200
-        if granted and request["command"] in ("appendPath", "setVelocity"):
-            now = self.arm.controller.access.holder(self.arm.stamp)
-            refreshed = now is not None and now.client == alias(session) and now.lease_age == 0
+        if not granted:
+            self.free_since = free_since
+        elif request["command"] in ("appendPath", "setVelocity"):
             # A path that is sent again is answered as the first time, and does nothing.
             assert refreshed or (session, text) in self.granted
             if refreshed:
