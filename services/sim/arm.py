@@ -40,7 +40,8 @@ _PLANS = {"position": POSITION, "velocity": VELOCITY}
 @dataclass(frozen=True)
 class Order:
     """A command in force. ``velocity``: with which the stream that it belongs to passes the position, 0 of a joint that
-    jumps there; ``interval``: seconds since the command before it.
+    jumps there; ``slope``: how fast it has come there, NaN of a stream's first; ``interval``: seconds since the command
+    before it.
     """
 
     mode: Mode
@@ -149,11 +150,11 @@ class Arm:
             values = np.clip(values, self.limits.lower, self.limits.upper)
         gap = FIRST_INTERVAL if before is None else (command.answers - before.answers) * 1e-9
         interval = min(max(gap, SHORTEST), LONGEST) if before is None or gap > 0 else before.interval
-        velocity = slope = np.zeros(self.n)
+        velocity, slope = np.zeros(self.n), np.full(self.n, np.nan)
         if before is not None and before.mode == command.mode == "position":
             slope = (values - before.values) / gap if gap > 0 else before.slope
             # At the end of the interval the stream is faster than on average by half of what it gained.
-            gained, most = slope - before.slope, self.limits.acceleration * interval
+            gained, most = np.nan_to_num(slope - before.slope), self.limits.acceleration * interval
             streams = (np.abs(gained) <= STREAM_SLACK * most) & (np.abs(slope) <= 1.001 * self.limits.velocity)
             velocity = np.where(streams, slope + np.clip(gained, -most, most) / 2, 0.0)
         self._order = Order(command.mode, values, command.answers, velocity, slope, interval)
