@@ -26,9 +26,8 @@ def with_viewer(options: CellOptions) -> tuple[CellOptions, str]:
         return options, ""
     page, data = with_port(options.viewer), options.viewer_data
     if error := in_the_way(page):
-        return replace(
-            options, viewer=None
-        ), f"no live view on {page}: {error}. Choose another port with --viewer-port."
+        why = f"no live view on {page}: {error}. Choose another port with --viewer-port."
+        return replace(options, viewer=None), why
     if options.viewer.port == 0 or in_the_way(data):
         data = with_port(replace(data, port=0))
     return replace(options, viewer=page, viewer_data=data), ""

@@ -118,6 +118,7 @@ def walk_faces(h: Array, c: Array, lower: Array, upper: Array, x: Array) -> int:
             if not held[i]:
                 free[size] = i
                 size += 1
+        # As in `solve_box`, written out: a function for both costs that one, at every tick, 7 %.
         for a in range(size):
             step[a] = -gradient[free[a]]
             for b in range(a + 1):
