@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,8 @@ from tests.system.judge import Judge, standard
 GOALS = ((9.0, 7.3), (2.5, 7.3))
 HOUR, READINGS = 3600.0, 6  # of simulation
 MEMORY = "64MB"
-ROUNDS, SEGMENT = 5, 12.0  # with and without, alternating; seconds of wall time each
+PAIRS, SEGMENT = 15, 10.0  # each with and without; seconds of wall time of either
+TICKS = 60.0 * topics.ARM_COMMAND.rate  # of the controller, a minute at real time
 PATIENCE = 60.0
 
 
@@ -35,8 +38,9 @@ def run() -> Report:
     speeds = compared("max", speed_of)
     late = compared("1", late_ticks_of)
     rows = [
-        _row("speed of the cell at `--speed max`, x real time", speeds),
-        _row("late ticks of the controller, a minute, at real time", late),
+        _row("speed of the cell at `--speed max`, x real time", speeds, "{:.2f}".format),
+        _row("ticks of the controller in time, at real time", [_in_time(pair) for pair in late], "{:.2%}".format),
+        _late_row(late),
         *memory_rows(),
     ]
     return Report(
@@ -44,24 +48,44 @@ def run() -> Report:
         "python -m benchmarks viewer",
         ("what", "without", "with", "ratio"),
         rows,
-        f"World `warehouse`, robot and arm at work. Speed and late ticks: medians of {ROUNDS} segments of "
-        f"{SEGMENT:.0f} s with the viewer and {ROUNDS} without, alternating in one cell. Memory: resident, of the "
-        f"viewer and of Rerun's server, which keeps {MEMORY} for viewers that come late; its ratio is to the first "
-        "reading.",
+        f"World `warehouse`, robot and arm at work. Speed and ticks: {PAIRS} pairs of segments of {SEGMENT:.0f} s with "
+        "and without the viewer, in one cell; medians of each, and median and quartiles of the ratio within a pair. "
+        f"Memory: resident, of the viewer and of Rerun's server, which keeps {MEMORY} for viewers that come late; its "
+        "ratio is to the first reading.",
     )
 
 
-def _row(what: str, measured: dict[bool, list[float]]) -> tuple[str, ...]:
-    off, on = median(measured[False]), median(measured[True])
-    return what, f"{off:.1f}", f"{on:.1f}", f"{on / off:.3f}" if off else "-"
+def _row(what: str, pairs: Sequence[Pair], told: Callable[[float], str]) -> tuple[str, ...]:
+    low, middle, high = statistics.quantiles([pair.on / pair.off for pair in pairs], n=4)
+    off, on = median([pair.off for pair in pairs]), median([pair.on for pair in pairs])
+    return what, told(off), told(on), f"{middle:.3f} ({low:.3f} to {high:.3f})"
+
+
+def _in_time(late: Pair) -> Pair:
+    """The share of all ticks."""
+    return Pair(1 - late.off / TICKS, 1 - late.on / TICKS)
+
+
+def _late_row(late: Sequence[Pair]) -> tuple[str, ...]:
+    """Late ticks are few: all segments together tell more than their medians."""
+    off, on = statistics.mean(pair.off for pair in late), statistics.mean(pair.on for pair in late)
+    return f"late ticks a minute, of {TICKS:.0f}", f"{off:.0f}", f"{on:.0f}", f"{on / off:.2f}" if off else "-"
 
 
 # -- with and without --------------------------------------------------------------------------------------------------
 
 
-def compared(speed: str, measure: Any) -> dict[bool, list[float]]:
-    """A value of each segment, by whether the viewer ran."""
-    measured: dict[bool, list[float]] = {False: [], True: []}
+@dataclass(frozen=True)
+class Pair:
+    """A value of a segment without the viewer, and of one beside it with it."""
+
+    off: float
+    on: float
+
+
+def compared(speed: str, measure: Callable[[Work, Bus], float]) -> list[Pair]:
+    """The pairs of one cell. What drifts is in both halves of them, in turns: off, on, on, off …"""
+    pairs = []
     with (
         tempfile.TemporaryDirectory() as folder,
         Cell(Path(folder), "--speed", speed) as cell,
@@ -69,16 +93,21 @@ def compared(speed: str, measure: Any) -> dict[bool, list[float]]:
         Bus(ServiceId("bench", CELL), cell.bus_config()) as bus,
     ):
         work = Work(cell, judge)
-        work.go_on()
-        for number in range(2 * ROUNDS):
-            seen = number % 4 in (1, 2)  # off, on, on, off …: what drifts is in both
-            if seen:
-                with viewer(cell, bus):
-                    measured[seen].append(measure(work, bus))
+        work.for_wall_seconds(SEGMENT)  # what is compiled or learnt at first is in neither
+
+        def seen() -> float:
+            with viewer(cell, bus):
+                return measure(work, bus)
+
+        for number in range(PAIRS):
+            if number % 2 == 0:
+                off, on = measure(work, bus), seen()
             else:
-                measured[seen].append(measure(work, bus))
+                on, off = seen(), measure(work, bus)
+            pairs.append(Pair(off, on))
+            print(f"  speed {speed}: {off:.2f} without, {on:.2f} with", file=sys.stderr, flush=True)
         work.end()
-    return measured
+    return pairs
 
 
 def speed_of(work: Work, _bus: Bus) -> float:
@@ -107,12 +136,12 @@ def _late(inbox: Inbox) -> int:
 
 @contextmanager
 def viewer(cell: Cell, bus: Bus, memory: str = MEMORY) -> Iterator[int]:
-    """The viewer on a cell that runs; its pid."""
+    """The viewer on a cell that runs, in a session of its own as the supervisor would start it; its pid."""
     presence = bus.inbox().watch_services()
     command = [sys.executable, "-m", "services.viewer", "--memory", memory]
     command += ["--web-port", str(free_port()), "--data-port", str(free_port())]
     environment = {**os.environ, "RACKHAND_BUS_CONNECT": cell.bus}
-    process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL, start_new_session=True)
     try:
         while (event := presence.get(timeout=PATIENCE)) != Presence(ServiceId("viewer", CELL), alive=True):
             assert event is not None, "no viewer came"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Annotated, Any
 
 import typer
@@ -11,6 +10,7 @@ from pydantic import ValidationError
 from schemas.codec import explain
 from services.gateway.service import run
 from services.gateway.settings import Settings, parse_service
+from services.priority import stand_back
 
 EPILOG = """Examples:\n
   python -m services.gateway\n
@@ -62,7 +62,7 @@ def main(
         raise typer.BadParameter(explain(error)) from None
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--expect") from None
-    os.nice(NICE)  # clients, however many, must not hold up what moves
+    stand_back(NICE)  # clients, however many, must not hold up what moves
     run(settings)
 
 

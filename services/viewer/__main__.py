@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from services.priority import stand_back
 
 EPILOG = """Examples:\n
   python -m services.viewer\n
@@ -40,7 +41,7 @@ def main(
     except ImportError:
         print("the viewer needs Rerun: pip install 'rackhand[viewer]'", file=sys.stderr)
         raise SystemExit(2) from None
-    os.nice(NICE_SERVING if serve else NICE_RECORDING)
+    stand_back(NICE_SERVING if serve else NICE_RECORDING)
     from services.viewer.service import Settings, run
 
     raise SystemExit(run(Settings(host, web_port, data_port, memory, rate, save, serve)))
