@@ -47,11 +47,11 @@ class CrfPort:
         await asyncio.gather(*self._connections, return_exceptions=True)
 
     def _accept(self, reader: StreamReader, writer: StreamWriter) -> None:
-        task = asyncio.get_running_loop().create_task(self._serve(_Wire(reader, writer)))
+        task = asyncio.get_running_loop().create_task(self._serve(Wire(reader, writer)))
         self._connections.add(task)
         task.add_done_callback(self._ended)
 
-    async def _serve(self, wire: _Wire) -> None:
+    async def _serve(self, wire: Wire) -> None:
         try:
             async with self._motion.session(self.arm, self._ask) as session:
                 await session.serve(wire.receive(session), wire.send)
@@ -66,7 +66,7 @@ class CrfPort:
             log.error("a CRF connection failed", arm=self.arm, exc_info=error)
 
 
-class _Wire:
+class Wire:
     """Packets of one connection."""
 
     def __init__(self, reader: StreamReader, writer: StreamWriter) -> None:
@@ -95,6 +95,8 @@ class _Wire:
 
     async def send(self, text: str) -> None:
         """Raises ``ConnectionError`` when the client is gone."""
+        if self._writer.is_closing():  # uvloop's transports take nothing then, and raise a RuntimeError
+            raise ConnectionResetError
         try:
             self._writer.write(encode(Packet(text.encode(), writer=self._writer_id)))
             await self._writer.drain()

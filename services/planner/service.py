@@ -62,13 +62,18 @@ class PlannerService:
         self._bus.announce()
         log.info("ready", robot=self._robot)
         for event in self._inbox:
-            self.handle(event)
+            self._take(event)
             for _ in range(READ_AHEAD):
                 if (further := self._inbox.get(0)) is None:
                     break
-                self.handle(further)
+                self._take(further)
             self._tick_if_due()
             self._join_if_needed()
+
+    def _take(self, event: Event) -> None:
+        if isinstance(event, Request):
+            self._tick_if_due()  # what is asked after an instant was measured does not change its answer
+        self.handle(event)
 
     def handle(self, event: Event) -> None:
         """Take in one event. What goes wrong here ends neither the service nor another request."""

@@ -84,7 +84,9 @@ class Pacer:
         return self._until
 
     def advance(self, until: int) -> None:
-        """Let the paused world run until ``until``, and stand again."""
+        """Let the paused world run until ``until``, and stand again; in lockstep once that instant is answered, so that
+        what is asked of a participant then is asked after it, whatever the load of the machine.
+        """
         self._until, self._anchor = until, None
 
     def begin_anew(self) -> None:
@@ -124,7 +126,7 @@ class Pacer:
 
     def decide(self, stamp: int, now: float) -> Decision:
         """What to do now, standing at ``stamp``. A ``step`` is taken as done."""
-        if self._until is not None and stamp >= self._until:
+        if self._until is not None and stamp >= self._until and not self.missing(stamp):
             self._until = None
         if self._paused and self._until is None:
             self._anchor = self._waiting = None

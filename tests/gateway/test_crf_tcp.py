@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+import uvloop
 from pydantic import ValidationError
 from typer.testing import CliRunner
 
@@ -19,7 +20,7 @@ from schemas import topics
 from schemas.crf_framing import SYNC, Packet, checksum, encode
 from schemas.motion import ControlInfo, MotionEvent, MotionStream
 from services.gateway.__main__ import app
-from services.gateway.crf_tcp import CrfPort
+from services.gateway.crf_tcp import CrfPort, Wire
 from services.gateway.crf_text import MAX_FRAME, MAX_TEXT
 from services.gateway.settings import Settings
 from tests.crf_client import CrfClient
@@ -213,6 +214,30 @@ def test_who_does_not_read_is_let_go(cell: ArmCell, gone: list[str], client: Crf
         for _ in range(2000):
             client.socket.sendall(request)
     settle(cell, gone)
+
+
+def test_an_answer_to_a_connection_that_is_gone_finds_it_gone() -> None:
+    async def answer() -> None:
+        told: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            wire = Wire(reader, writer)
+            writer.transport.abort()
+            await asyncio.sleep(0)
+            try:
+                await wire.send("too late")
+            except Exception as error:
+                told.set_exception(error)
+
+        server = await asyncio.start_server(accept, "127.0.0.1", 0)
+        async with server:
+            _, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
+            with pytest.raises(ConnectionResetError):
+                await asyncio.wait_for(told, 20)
+            writer.close()
+
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:  # as the gateway's own
+        runner.run(answer())
 
 
 def test_only_arms_of_this_gateway_and_never_beside_a_secret() -> None:

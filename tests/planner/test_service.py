@@ -139,6 +139,16 @@ def test_a_planner_that_fell_behind_answers_the_newest(bus: ListBus, cell: Cell)
     assert [command.answers // MS for command in bus.told(topics.COMMAND)] == [100]
 
 
+def test_an_instant_is_answered_before_what_is_asked_after_it(bus: ListBus, cell: Cell) -> None:
+    """However late the planner reads: a run must not depend on how much lies in its inbox at once."""
+    asked = create()
+    told: list[list[int]] = []
+    reply = asked.reply
+    asked.reply = lambda message: (told.append([c.answers for c in bus.told(topics.COMMAND)]), reply(message))[1]  # type: ignore[method-assign]
+    run(bus, cell, [Presence(SIM, True), *instant(cell, 0), asked])
+    assert told == [[0]]
+
+
 def test_what_a_request_caused_is_told_before_its_answer(bus: ListBus, cell: Cell) -> None:
     asked = create()
     reply, known = asked.reply, []

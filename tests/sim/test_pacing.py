@@ -168,6 +168,19 @@ def test_advancing_in_lockstep_waits_for_answers() -> None:
     assert pacer.until == 100 * MS
 
 
+def test_advancing_in_lockstep_ends_once_the_last_instant_is_answered() -> None:
+    pacer = Pacer(INSTANT, speed=None, lockstep=True, paused=True)
+    pacer.join(PLANNER, PERIOD, 0)
+    pacer.advance(PERIOD)
+    pacer.answered("amr1", 0)
+    assert run_until_wait(pacer, 0) == PERIOD
+    assert pacer.until == PERIOD
+    assert kinds(pacer, PERIOD, 0.0, 0.6) == ["wait", "retell"]
+    pacer.answered("amr1", PERIOD)
+    assert pacer.decide(PERIOD, 0.7).kind == "wait"
+    assert pacer.until is None and pacer.paused
+
+
 def test_beginning_anew_waits_for_all_who_took_part() -> None:
     pacer = Pacer(INSTANT, speed=None)
     pacer.join(PLANNER, PERIOD, 0)

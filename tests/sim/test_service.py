@@ -116,7 +116,7 @@ def test_lockstep_runs_over_the_bus_are_the_same_to_the_byte(start: Any) -> None
         peer.join()
         advance = threading.Thread(target=peer.ask, args=(asked.Advance(duration_ns=30 * PERIOD),))
         advance.start()
-        peer.answer_until(29 * PERIOD)
+        peer.answer_until(30 * PERIOD)
         advance.join(10)
         reply = peer.ask(asked.Inspect())
         assert reply.clock.stamp == 30 * PERIOD and reply.clock.paused
@@ -196,7 +196,7 @@ def test_an_arm_in_lockstep_over_the_bus_gives_the_same_bytes(start: Any) -> Non
         advance = threading.Thread(target=peer.ask, args=(asked.Advance(duration_ns=until),))
         advance.start()
         answered = -1
-        while answered < until - period:
+        while answered < until:
             event = states.get(timeout=20)
             assert isinstance(event, Sample), "the simulator is silent"
             state = event.message

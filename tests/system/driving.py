@@ -60,7 +60,11 @@ class Driver:
         return self.cell.wait_for(found, what, 120.0)
 
     def wait_until_joined(self) -> None:
-        self.wait(lambda world: "amr1/planner" in world.participants, "the planner has joined")
+        """And until the planner has answered: what is asked of it then does not change its first answer."""
+        self.wait(
+            lambda world: "amr1/planner" in world.participants and "amr1" in world.command_stamps,
+            "the planner has joined",
+        )
 
     def wait_until_moving(self, start_x: float, start_y: float, by: float = 0.5) -> None:
         """Wait until the chassis has truly left that place."""

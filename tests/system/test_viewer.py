@@ -53,7 +53,7 @@ def command_arm(driver: Driver, **request: Any) -> None:
 
 
 def wait_until_joined(driver: Driver) -> None:
-    driver.wait(lambda world: len(world.participants) == 2, "both have joined")
+    driver.wait(lambda world: len(world.command_stamps) == 2, "both have joined and answered")
 
 
 def work(driver: Driver) -> int:
