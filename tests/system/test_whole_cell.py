@@ -30,7 +30,7 @@ def run(cell: Cell) -> tuple[str, dict[str, Any], list[float], list[str]]:
         former = judge.inspect().clock.run
         judge.ask(Reset(seed=3))
         driver.wait(lambda world: world.clock.run != former and world.clock.stamp == 0, "another run")
-        driver.wait(lambda world: world.command_stamps == {"amr1": 0, "arm1": 0}, "both have answered the first instant")
+        driver.wait(lambda world: world.command_stamps == {"amr1": 0, "arm1": 0}, "both have answered")
         cell.wait_for(lambda: status if (status := arm_status(driver))["status"] == "initialize" else None, "a state")
         move = driver.post(standard(6.0, 1.5, 0.0))
         path = {"command": "appendPath", "type": "joints", "data": [(HOME + 0.1).tolist(), GOAL.tolist()]}
