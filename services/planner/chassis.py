@@ -109,6 +109,7 @@ class Chassis:
         """The driver has gone or begun another run: a running move fails, and all that was measured is void."""
         self._fail(MoveFailReason.PLATFORM_ALERT_ERROR, f"{why} while the move ran")
         self._sensed.forget()
+        self._navigator.begin_anew()
         self._jack.forget()
         self._modes.forget_remote_twist()
         self._commanded = STANDSTILL

@@ -158,12 +158,12 @@ class SimService:
 
     def _tell_changes(self) -> None:
         changes = self._session.take_changes()
+        if changes.clock:  # before the instant: who hears the first of a new run must know that it is one
+            self._tell_clock()
         if changes.things:
             self._tell_things()
         if changes.instant:
             self._tell_instant()
-        elif changes.clock:
-            self._tell_clock()
 
     def _log_fault(self, robot: str, command: Any) -> None:
         """A command that is wrong in itself is told of once; late ones are no fault."""

@@ -65,6 +65,9 @@ class ScriptedNavigator:
     def set_footprint(self, footprint: Any) -> None:
         self.footprint = footprint
 
+    def begin_anew(self) -> None:
+        self.goal = None
+
     def start(self, goal: Goal, seen: Observation) -> None:
         self.goals.append(goal)
         if self.starts and (error := self.starts.pop(0)) is not None:

@@ -76,17 +76,21 @@ class ChassisNavigator:
 
     def __init__(self, settings: NavigationSettings | None = None) -> None:
         self.settings = settings or NavigationSettings()
-        self._filter = PoseFilter(self.settings.noise)
-        self._senses = Senses(self.settings)
-        self._give_way = GiveWay(self.settings)
         self._footprint = Footprint.of(np.array(LONGEJACK_BODY))
         self._around: Surroundings | None = None
         self._planner: GlobalPlanner | None = None
+        self.begin_anew()
+
+    # ---- what it is told ------------------------------------------------------------------------------------------
+
+    def begin_anew(self) -> None:
+        """Another run of the driver has begun: all that was measured is void, whatever its stamps."""
+        self._filter = PoseFilter(self.settings.noise)
+        self._senses = Senses(self.settings)
+        self._give_way = GiveWay(self.settings)
         self._run: Run | None = None
         self._command = STANDSTILL
         self._commanded_at: int | None = None
-
-    # ---- what it is told ------------------------------------------------------------------------------------------
 
     def set_map(self, data: MapData | None) -> None:
         """Use this map from now on; raises ``MoveFailed(GET_MAP_FAILED)`` and then has none."""

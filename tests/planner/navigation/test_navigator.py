@@ -13,7 +13,7 @@ from schemas.fail_reasons import MoveFailReason as Reason
 from services.planner.interface import STANDSTILL, Goal, MoveFailed
 from services.planner.navigation import ChassisNavigator, NavigationSettings
 from services.planner.navigation.se2 import wrap
-from tests.planner.navigation.plant import TICK, Hall, Plant, Walker, box, keep_on, run
+from tests.planner.navigation.plant import TICK, Hall, Plant, Walker, box, idle, keep_on, run
 from tests.planner.navigation.test_grid import feature
 from tests.planner.navigation.test_safety import check_step
 
@@ -39,6 +39,21 @@ def test_arrives_within_5_cm_and_2_degrees_of_the_true_pose(begin, seed: int) ->
         assert distance < 0.03 and yaw < math.radians(1.5)
         assert told[-1].remaining_distance == 0.0 and told[-1].stuck_state == "none"
     assert plant.contacts == []
+
+
+@pytest.mark.parametrize("stale", [0.04, 0.4])
+def test_another_run_of_the_driver_is_driven_as_if_it_were_the_first(begin, stale: float) -> None:
+    """Also where its first stamps are those of the former run: what was measured then must not weigh in."""
+    navigator, plant = begin()
+    first = run(navigator, plant, Goal(3.0, 4.0), 30)
+    navigator.begin_anew()
+    idle(navigator, Plant(plant.hall, (1.6, 4.1, 0.1), seed=2), stale)
+    navigator.begin_anew()
+    plant = Plant(plant.hall, (1.5, 4.0, 0.0), seed=1)
+    navigator.set_map(plant.hall.map())
+    idle(navigator, plant, 0.4)
+    again = run(navigator, plant, Goal(3.0, 4.0), 30)
+    assert [progress.twist for progress in again] == [progress.twist for progress in first]
 
 
 def test_remaining_distance_shrinks_with_the_path(begin) -> None:
