@@ -32,7 +32,9 @@ def need_lavapipe() -> None:
 
 
 def entities(client: ViewerClient) -> set[str]:
-    """What the viewer has of the recording that it shows."""
+    """What the viewer has of the recording that it shows; nothing before it shows one."""
+    if client.get_state().active_recording is None:
+        return set()
     schema = client.get_recording_schema(paths_only=True)
     return {entity.entity_path.removeprefix("/") for entity in schema.entities}
 
