@@ -151,7 +151,7 @@ def test_a_killed_viewer_disturbs_nothing_and_comes_back(tmp_path: Path) -> None
         late = tmp_path / "late.rrd"
         cell.wait_for(lambda: is_served(cell.viewer) or None, "the page is back")
         with native.recording(cell.viewer_stream, late):
-            cell.wait_for(lambda: not missing_from(written(late)) or None, "the whole scene is back")
+            cell.wait_for(lambda: not scene_missing_from(written(late)) or None, "the whole scene is back")
         assert driver.finish(move)["state"] == "succeeded"
         assert {name: cell.pid(name) for name in others} == others
         assert judge.inspect().contact_count == 0
