@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import random
 import socket
 from dataclasses import replace
 
 from services.launch.processes import Address
+
+# Below what Linux hands out itself: a service that listens anywhere, or connects, may take one that is not in use yet.
+QUIET = range(20_000, 32_768)
 
 
 def in_the_way(address: Address) -> str:
@@ -23,6 +27,5 @@ def with_port(address: Address) -> Address:
     """Port 0 is any free one."""
     if address.port:
         return address
-    with socket.socket() as probe:
-        probe.bind((address.host, 0))
-        return replace(address, port=probe.getsockname()[1])
+    free = (replace(address, port=port) for port in random.sample(QUIET, len(QUIET)))
+    return next((found for found in free if not in_the_way(found)), address)
