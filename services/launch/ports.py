@@ -10,6 +10,7 @@ from services.launch.processes import Address
 
 # Below what Linux hands out itself: a service that listens anywhere, or connects, may take one that is not in use yet.
 QUIET = range(20_000, 32_768)
+TRIES = 100
 
 
 def in_the_way(address: Address) -> str:
@@ -24,8 +25,11 @@ def in_the_way(address: Address) -> str:
 
 
 def with_port(address: Address) -> Address:
-    """Port 0 is any free one."""
+    """Port 0 is any free one. Raises ``OSError`` where nobody can listen on that host."""
     if address.port:
         return address
-    free = (replace(address, port=port) for port in random.sample(QUIET, len(QUIET)))
-    return next((found for found in free if not in_the_way(found)), address)
+    with socket.socket() as probe:
+        probe.bind((address.host, 0))
+        handed_out = replace(address, port=probe.getsockname()[1])
+    quiet = (replace(address, port=port) for port in random.sample(QUIET, TRIES))
+    return next((found for found in quiet if not in_the_way(found)), handed_out)
