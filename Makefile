@@ -15,8 +15,14 @@ ARGS   ?=
 run: $(VENV)/.run
 	@exec $(BIN)/rackhand up $(ARGS)
 
+# Cells are several processes each and have the machine to themselves; what needs none is tested on all cores first.
 test: $(VENV)/.dev
+ifeq ($(strip $(ARGS)),)
+	@$(BIN)/pytest -m "not system" --numprocesses logical
+	@$(BIN)/pytest -m system
+else
 	@$(BIN)/pytest $(ARGS)
+endif
 
 lint: $(VENV)/.dev
 	@$(BIN)/ruff check .

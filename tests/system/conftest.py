@@ -38,22 +38,35 @@ def make_cell(tmp_path: Path) -> Iterator[MakeCell]:
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
-    """One cell for all tests of a module: world ``warehouse``, as fast as possible."""
-    with Cell(tmp_path_factory.mktemp("cell"), "--speed", "max") as cell:
+    """One cell for all tests of a module: world ``warehouse`` at real time, which leaves the machine to the tests."""
+    with Cell(tmp_path_factory.mktemp("cell")) as cell:
         yield cell
 
 
-@pytest.fixture
-def station(tmp_path: Path) -> Iterator[Station]:
-    with pick_station(tmp_path) as station:
+@pytest.fixture(scope="module")
+def ur5e_station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
+    """One cell for all tests of a module: the pick station, in lockstep and paused."""
+    with pick_station(tmp_path_factory.mktemp("cell")) as station:
         yield station
 
 
+@pytest.fixture(scope="module")
+def fr3_station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
+    with pick_station(tmp_path_factory.mktemp("cell"), "fr3") as station:
+        yield station
+
+
+@pytest.fixture
+def station(ur5e_station: Station) -> Station:
+    """The arm at rest at home, nobody's, nothing latched."""
+    return ur5e_station.begin_anew()
+
+
 @pytest.fixture(params=["ur5e", "fr3"])
-def either(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Station, ik.Arm]]:
-    """The pick station with one arm or the other."""
-    with pick_station(tmp_path, request.param) as station:
-        yield station, ik.load_arm(request.param)
+def either(request: pytest.FixtureRequest) -> tuple[Station, ik.Arm]:
+    """``station`` with one arm or the other."""
+    station: Station = request.getfixturevalue(f"{request.param}_station")
+    return station.begin_anew(), ik.load_arm(request.param)
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -17,6 +17,7 @@ from bus import Bus, CallTimeout, Sample, Unavailable
 from schemas import topics
 from schemas.motion import ArmCommand, ArmState, CrfCall
 from schemas.service import CELL, ServiceId
+from schemas.world import Reset
 from services.controller import ik
 from tests.system.cell import ROOT, Cell
 from tests.system.judge import Judge
@@ -28,6 +29,7 @@ OK = {"value": True, "code": 200, "detail": 0}
 BAD = {"code": 400, "detail": 0}
 CONTROLLER = "arm1/controller"
 PERIOD = 0.004  # seconds between commands
+LOCKSTEP = ("--lockstep", "--speed", "max")
 
 
 class Station:
@@ -42,6 +44,21 @@ class Station:
         self._status = self.bus.inbox().subscribe(topics.MOTION_STATUS, "arm1", depth=10_000)
         self._events = self.bus.inbox().subscribe(topics.MOTION_EVENT, "arm1")
         self.settle()
+        profile = self.ask("a", command="getConfiguration")["message"]["ProfileParameters"]
+        self._profile = {"joints": profile["JointVelocities"], "task": profile["TaskVelocity"]}
+
+    def begin_anew(self) -> Station:
+        """The world begins anew, and with it the controller. What a client set of the profile, which outlives that,
+        is as it was; nobody holds the arm, nothing is latched."""
+        self.judge.ask(Reset())
+        self.forget()
+        self.settle()
+        for kind, data in self._profile.items():
+            self.ok(command="setProfileVelocity", type=kind, data=data)
+        self.ask("a", command="unlockControl", priority=10)
+        status = self.status()
+        assert status["priorityUnderControl"] == 0 and "stoppedBy" not in status
+        return self
 
     def settle(self) -> None:
         """Wait for the controller, until it has seen the arm, and until this client hears both."""
@@ -127,18 +144,25 @@ class Station:
 
 
 @contextmanager
-def pick_station(folder: Path, kind: str = "ur5e") -> Iterator[Station]:
+def pick_station(
+    folder: Path,
+    kind: str = "ur5e",
+    options: tuple[str, ...] = LOCKSTEP,
+    environment: dict[str, str] | None = None,
+) -> Iterator[Station]:
     """The pick station with one arm or the other, paused."""
     world = folder / "world"
     shutil.copytree(ROOT / "worlds" / "pick_station", world)
     text = (world / "world.yaml").read_text()
     (world / "world.yaml").write_text(text.replace("kind: ur5e", f"kind: {kind}"))
-    options = ("--world", str(world), "--lockstep", "--speed", "max")
-    with Cell(folder / "cell", *options) as cell, Judge(cell.bus) as judge:
+    given = ("--world", str(world), "--crf-port", "0", *options)
+    with Cell(folder / "cell", *given, environment=environment) as cell, Judge(cell.bus) as judge:
         judge.pause()
         station = Station(cell, judge)
-        yield station
-        station.close()
+        try:
+            yield station
+        finally:
+            station.close()
 
 
 def tools(states: list[ArmState], arm: ik.Arm = ARM) -> Array:

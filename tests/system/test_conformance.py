@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from tests.system.cell import ROOT
-from tests.system.station import ARM, BAD, OK, Station, first_rest, speeds
-from tests.system.transports import TRANSPORTS, Client, Http, Json, Transport, ask, live_station, rested
+from tests.system.station import ARM, BAD, OK, Station, first_rest, pick_station, speeds
+from tests.system.transports import TRANSPORTS, Client, Http, Json, Transport, ask
 
 HOME = ARM.home.tolist()
 PATH: Json = {"command": "appendPath", "priority": 10, "type": "joints", "data": [HOME]}
@@ -24,23 +24,11 @@ REFUSED = {"code": 403, "detail": 0}
 
 
 @pytest.fixture(scope="module")
-def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
-    with live_station(tmp_path_factory.mktemp("cell")) as station:
-        yield station
-
-
-@pytest.fixture(scope="module")
 def strict(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
     """A controller as strict as CRF's, of the kind that follows paths only."""
     given = {"RACKHAND_CONTROLLER_STRICT_CRF": "1", "RACKHAND_CONTROLLER_WITHOUT": "setVelocity setTorque"}
-    with live_station(tmp_path_factory.mktemp("strict"), given) as station:
+    with pick_station(tmp_path_factory.mktemp("strict"), environment=given) as station:
         yield station
-
-
-@pytest.fixture
-def station(live: Station) -> Station:
-    """The arm at rest, nobody's, nothing latched."""
-    return rested(live)
 
 
 @pytest.fixture(params=TRANSPORTS, ids=lambda kind: kind.name)

@@ -20,7 +20,7 @@ import pytest
 from bus import Inbox, Sample
 from schemas import topics
 from schemas.motion import ArmCommand, ArmState
-from tests.system.station import ARM, OK, Station
+from tests.system.station import ARM, OK, Station, pick_station
 from tests.system.transports import (
     TRANSPORTS,
     Client,
@@ -30,8 +30,6 @@ from tests.system.transports import (
     WebSocket,
     Zenoh,
     ask,
-    live_station,
-    rested,
 )
 
 PERIOD_NS = 4_000_000
@@ -90,20 +88,14 @@ def code_of(answer: Json) -> Any:
     return message["code"] if isinstance(message, dict) and "code" in message else message
 
 
-@pytest.fixture(scope="module")
-def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
-    with live_station(tmp_path_factory.mktemp("cell")) as station:
-        yield station
-
-
 def pids(station: Station) -> dict[str, int]:
     facts = json.loads((station.cell.state_dir / "cell.json").read_text())
     return dict(facts["pids"])
 
 
 @pytest.mark.parametrize("kind", TRANSPORTS, ids=lambda kind: kind.name)
-def test_each_gets_one_answer_and_the_arm_goes_on(live: Station, kind: Callable[[Station], Transport]) -> None:
-    station, way, before = rested(live), kind(live), pids(live)
+def test_each_gets_one_answer_and_the_arm_goes_on(station: Station, kind: Callable[[Station], Transport]) -> None:
+    way, before = kind(station), pids(station)
     goal = ARM.home + 0.3
     with way.client() as client:
         assert ask(client, **{**PATH, "data": [goal.tolist()]})["message"] == OK
@@ -192,7 +184,7 @@ class Run:
     """What the joints were told and did on the same path."""
 
     def __init__(self, station: Station) -> None:
-        self.station = rested(station)
+        self.station = station.begin_anew()
         self.states: list[ArmState] = []
         self._heard: Inbox = station.bus.inbox().subscribe(topics.ARM_COMMAND, "arm1", depth=10_000)
         holder = {"command": "appendPath", "priority": 1, "type": "joints"}
@@ -213,38 +205,37 @@ class Run:
         return [(state.stamp, state.q, state.dq, state.efforts) for state in self.states]
 
 
-def test_in_a_flood_the_arm_moves_to_the_bit_as_without_and_a_stop_acts_within_two_cycles(live: Station) -> None:
-    before = pids(live)
-    alone = Run(live)
+def test_in_a_flood_the_arm_moves_to_the_bit_as_without_and_a_stop_acts_within_two_cycles(station: Station) -> None:
+    before = pids(station)
+    alone = Run(station)
     alone.drive(3.0)
     told = {command.answers: command.values for command in alone.commands()}
 
-    crowded = Run(live)
-    with flood(live) as flooders:
+    crowded = Run(station)
+    with flood(station) as flooders:
         crowded.drive(3.0)
         assert all(flooder.thread.is_alive() for flooder in flooders), "the flood ended before the drive"
     assert crowded.trace() == alone.trace(), "a flood changed what the arm did"
 
-    stopped = Run(live)
-    with flood(live):
+    stopped = Run(station)
+    with flood(station):
         stopped.drive(0.8)
-        live.events()
-        with Zenoh(live).client() as other:
+        station.events()
+        with Zenoh(station).client() as other:
             assert ask(other, command="softStop")["message"] == OK
-        stamp = live.judge.inspect().clock.stamp
+        stamp = station.judge.inspect().clock.stamp
         stopped.drive(1.2)
     first = next(command.answers for command in stopped.commands() if command.values != told[command.answers])
     print(f"the stop acts {(first - stamp) / 1e6:.0f} ms of simulation time after it came")
     assert first - stamp <= 2 * PERIOD_NS
     assert max(map(abs, stopped.states[-1].dq)) < 1e-3
-    assert pids(live) == before
+    assert pids(station) == before
 
 
 def test_running_free_a_stop_passes_a_flood(tmp_path: Path) -> None:
     """How many ticks come late with and without a flood depends on the machine: it is printed, and asserted is only
     that the loop lives and a stop ends the motion."""
-    options = ("--world", "pick_station", "--speed", "1", "--crf-port", "0")
-    with live_station(tmp_path, options=options) as station:
+    with pick_station(tmp_path, options=("--speed", "1")) as station:
         station.judge.resume()
         heard = station.bus.inbox().subscribe(topics.ARM_COMMAND, "arm1", depth=10_000)
         calm = late_ticks(heard, 4.0)

@@ -72,7 +72,7 @@ def test_a_killed_service_comes_back(cell: Cell, service: str) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_ends_cleanly_on_a_signal(make_cell: MakeCell, number: signal.Signals) -> None:
-    cell = make_cell("--speed", "max")
+    cell = make_cell()
     pids = [cell.pid(service) for service in SERVICES]
     cell.supervisor.send_signal(number)
     assert cell.supervisor.wait(30) == 0
@@ -84,7 +84,7 @@ def test_ends_cleanly_on_a_signal(make_cell: MakeCell, number: signal.Signals) -
 
 
 def test_nothing_outlives_a_killed_supervisor(make_cell: MakeCell) -> None:
-    cell = make_cell("--speed", "max")
+    cell = make_cell()
     pids = [cell.pid(service) for service in SERVICES]
     cell.supervisor.kill()
     cell.supervisor.wait()
@@ -92,8 +92,8 @@ def test_nothing_outlives_a_killed_supervisor(make_cell: MakeCell) -> None:
 
 
 def test_starts_again_on_what_a_killed_cell_left(tmp_path: Path) -> None:
-    with Cell(tmp_path, "--speed", "max") as first:
+    with Cell(tmp_path) as first:
         first.supervisor.kill()
         first.supervisor.wait()
-    with Cell(tmp_path, "--speed", "max") as second:
+    with Cell(tmp_path) as second:
         assert second.health() is not None

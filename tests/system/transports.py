@@ -6,7 +6,6 @@ import itertools
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, Protocol
 
 import httpx
@@ -15,13 +14,9 @@ from websockets.sync.client import connect
 from bus import Sample
 from schemas import topics
 from schemas.motion import CrfCall, SessionGone
-from schemas.world import Reset
 from tests.crf_client import CrfClient
-from tests.system.cell import Cell
-from tests.system.judge import Judge
 from tests.system.station import Station
 
-OPTIONS = ("--world", "pick_station", "--lockstep", "--speed", "max", "--crf-port", "0")
 PATIENCE = 60.0  # seconds; only ever bounds a failure
 EVENTS = frozenset({"controlGranted", "controlLost", "stopped", "resumed", "heartbeatLost", "streamStatus"})
 ARM = "arm1"
@@ -203,26 +198,3 @@ class _TcpClient(_Mixed):
 
 
 TRANSPORTS: tuple[type[Zenoh] | type[Http] | type[WebSocket] | type[Tcp], ...] = (Zenoh, Http, WebSocket, Tcp)
-
-
-@contextmanager
-def live_station(
-    folder: Path, environment: dict[str, str] | None = None, options: tuple[str, ...] = OPTIONS
-) -> Iterator[Station]:
-    with Cell(folder, *options, environment=environment) as cell, Judge(cell.bus) as judge:
-        judge.pause()
-        station = Station(cell, judge)
-        try:
-            yield station
-        finally:
-            station.close()
-
-
-def rested(station: Station) -> Station:
-    """The world begins anew, and with it the controller."""
-    station.judge.ask(Reset())
-    station.forget()
-    station.settle()
-    status = station.status()
-    assert status["priorityUnderControl"] == 0 and "stoppedBy" not in status
-    return station
