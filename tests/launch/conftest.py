@@ -88,6 +88,8 @@ def run() -> Iterator[Callable[[list[str]], Running]]:
             cwd=ROOT,
             env={**os.environ, **environment},
             start_new_session=True,
+            # Tests that run under nohup pass it on: the supervisor would rightly stay when it is hung up on.
+            preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
         )
         started.append(Running(process))
         return started[-1]
