@@ -29,7 +29,7 @@ from tests.system.judge import Judge, standard
 GOALS = ((9.0, 7.3), (2.5, 7.3))
 HOUR, READINGS = 3600.0, 12  # of simulation
 MEMORY = "16MB"  # full after some minutes: then it shows whether memory is flat
-PAIRS, SEGMENT = 15, 10.0  # each with and without; seconds of wall time of either
+PAIRS, SEGMENT = 10, 10.0  # each with and without; seconds of wall time of either
 TICKS = 60.0 * topics.ARM_COMMAND.rate  # of the controller, a minute at real time
 PATIENCE = 60.0
 
