@@ -179,17 +179,14 @@ class Cell:
         return self._wait_for_health(lambda health: service in health.down, f"{service} is told to be down", timeout)
 
     def _wait_for_health(self, holds: Callable[[Health], bool], what: str, timeout: float) -> Health:
-        health: Health | None = None
-
         def found() -> Health | None:
-            nonlocal health
             health = self.health()
             return health if health is not None and holds(health) else None
 
         try:
             return self.wait_for(found, what, timeout)
         except CellError as error:
-            raise CellError(f"the last that /healthz told: {health}\n{error}") from None
+            raise CellError(f"/healthz tells: {self.health()}\n{error}") from None
 
     # -- waiting -----------------------------------------------------------------------------------------------------
 

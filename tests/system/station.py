@@ -48,8 +48,8 @@ class Station:
         self._profile = {"joints": profile["JointVelocities"], "task": profile["TaskVelocity"]}
 
     def begin_anew(self) -> Station:
-        """The world begins anew, and with it the controller. What a client set of the profile, which outlives that,
-        is as it was; nobody holds the arm, nothing is latched."""
+        """The world begins anew, and with it the controller. The profile's velocities, which outlive that, are as they
+        were at first; nobody holds the arm, nothing is latched."""
         self.judge.ask(Reset())
         self.forget()
         self.settle()

@@ -21,16 +21,7 @@ from bus import Inbox, Sample
 from schemas import topics
 from schemas.motion import ArmCommand, ArmState
 from tests.system.station import ARM, OK, Station, pick_station
-from tests.system.transports import (
-    TRANSPORTS,
-    Client,
-    Json,
-    Tcp,
-    Transport,
-    WebSocket,
-    Zenoh,
-    ask,
-)
+from tests.system.transports import TRANSPORTS, Client, Json, Tcp, Transport, WebSocket, Zenoh, ask
 
 PERIOD_NS = 4_000_000
 HOME = ARM.home.tolist()
