@@ -5,6 +5,7 @@ Pure: stamps are simulation time in ns, ``now`` is any monotonic wall time in se
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,6 +16,7 @@ RETELL_AFTER = (
 )
 MAX_LAG_NS = 60_000_000  # running free, no command of a live participant grows older than this …
 MAX_LAG_WAIT = 1.0  # … unless it stays out for so long (s of wall time)
+CATCH_UP = 2.0  # times as fast as its pace goes a world that is behind: in a burst, controllers would miss states
 LATE = 0.25  # s: a world that is later than this behind the wall goes on from where it is, instead of catching up
 
 
@@ -60,6 +62,7 @@ class Pacer:
         self._anchor: tuple[float, int] | None = None
         self._told: float | None = None
         self._waiting: float | None = None
+        self._stepped = -math.inf
 
     # -- what is wanted of it ----------------------------------------------------------------------------------------
 
@@ -137,6 +140,7 @@ class Pacer:
         if now < due:
             return Decision("wait", due - now)
         self._told = self._waiting = None
+        self._stepped = now
         return Decision("step")
 
     def _newest(self, service: ServiceId) -> int:
@@ -172,7 +176,7 @@ class Pacer:
         return Decision("wait", self._told + RETELL_AFTER - now)
 
     def _due(self, stamp: int, now: float) -> float:
-        """The wall time at which the state that follows ``stamp`` is to be there."""
+        """The wall time from which on the state that follows ``stamp`` is to be there."""
         if self._speed is None:
             return now
         if self._anchor is None:
@@ -182,4 +186,4 @@ class Pacer:
         if now - due > LATE:
             self._anchor = (now, stamp + self._instant_ns)
             return now
-        return due
+        return max(due, self._stepped + self._instant_ns * 1e-9 / (self._speed * CATCH_UP))

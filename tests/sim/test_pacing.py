@@ -131,10 +131,19 @@ def test_a_late_world_does_not_rush() -> None:
     assert pacer.decide(INSTANT, 5.0).seconds == pytest.approx(0.02)
 
 
-def test_a_slightly_late_world_catches_up() -> None:
+def test_a_slightly_late_world_catches_up_and_does_so_at_twice_its_pace() -> None:
     pacer = Pacer(INSTANT, speed=1.0)
-    pacer.decide(0, 0.0)
-    assert [pacer.decide(i * INSTANT, 0.1).kind for i in range(6)] == ["step"] * 5 + ["wait"]
+    now, stamp, stepped = 0.0, 0, []
+    pacer.decide(0, now)
+    now = 0.1
+    while stamp < 300 * MS:
+        decision = pacer.decide(stamp, now)
+        if decision.kind == "step":
+            stamp += INSTANT
+            stepped.append(now)
+        now += decision.seconds
+    late, in_time = [0.1 + i * 0.01 for i in range(9)], [0.2 + i * 0.02 for i in range(6)]
+    assert stepped == pytest.approx(late + in_time)
 
 
 def test_changing_the_speed_counts_from_now() -> None:
