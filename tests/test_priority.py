@@ -1,13 +1,22 @@
-"""A service that stands back does so among sessions, too."""
+"""A service that stands back does so among sessions, too; one that wakes promptly has short slices.
+
+Those are read back from Linux: how long a wake-up takes depends on the machine.
+"""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from services import priority
+from services.priority import SLICE_NS, wake_promptly
+from tests.slices import heeded, slice_and_nice
 from tests.system.cell import ROOT
 
 AUTOGROUP = Path("/proc/self/autogroup")
@@ -24,7 +33,7 @@ stand_back(7)
 print(os.nice(0), before or "-", session() or "-")
 """
 
-pytestmark = pytest.mark.skipif(not AUTOGROUP.exists(), reason="this kernel has no autogroups")
+autogrouped = pytest.mark.skipif(not AUTOGROUP.exists(), reason="this kernel has no autogroups")
 
 
 def niceness(own_session: bool) -> list[str]:
@@ -35,11 +44,57 @@ def niceness(own_session: bool) -> list[str]:
     ).stdout.split()
 
 
+@autogrouped
 def test_a_session_of_its_own_stands_back_as_a_whole() -> None:
     assert niceness(own_session=True) == ["7", "0", "7"]
 
 
+@autogrouped
 def test_the_others_of_a_session_are_left_alone() -> None:
     process, before, after = niceness(own_session=False)
     assert process == "7"
     assert after == before
+
+
+def in_thread(ask: Callable[[], object]) -> object:
+    """What ``ask`` returns in a thread of its own, since what it changes is the thread's."""
+    answers: list[object] = []
+    thread = threading.Thread(target=lambda: answers.append(ask()))
+    thread.start()
+    thread.join()
+    return answers[0]
+
+
+@heeded
+def test_the_thread_and_those_it_starts_have_short_slices_and_others_keep_theirs() -> None:
+    before, nice = slice_and_nice()
+
+    def ask() -> tuple[bool, tuple[int, int], object]:
+        return wake_promptly(), slice_and_nice(), in_thread(slice_and_nice)
+
+    assert before > SLICE_NS
+    assert in_thread(ask) == (True, (SLICE_NS, nice), (SLICE_NS, nice))
+    assert slice_and_nice() == (before, nice)
+
+
+@heeded
+def test_what_is_nice_stays_so() -> None:
+    def ask() -> tuple[bool, tuple[int, int]]:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 7)
+        return wake_promptly(), slice_and_nice()
+
+    assert in_thread(ask) == (True, (SLICE_NS, 7))
+
+
+@heeded
+def test_a_policy_somebody_chose_stays() -> None:
+    def ask() -> tuple[bool, int]:
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+        return wake_promptly(), os.sched_getscheduler(0)
+
+    assert in_thread(ask) == (False, os.SCHED_BATCH)
+
+
+def test_where_nothing_can_be_asked_nothing_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(priority.platform, "machine", lambda: "unheard-of")
+    assert wake_promptly() is False

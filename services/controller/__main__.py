@@ -23,6 +23,7 @@ from services.controller.audit_writer import AuditWriter
 from services.controller.controller import Controller
 from services.controller.service import ControllerService
 from services.controller.warm_up import warm_up
+from services.priority import wake_promptly
 
 log = get_logger(__name__)
 
@@ -77,6 +78,7 @@ def main(
         typer.echo(f"controller of {robot}: {error}", err=True)
         raise typer.Exit(2) from None
     configure_logging("controller")
+    wake_promptly()
     sys.setswitchinterval(SWITCH_INTERVAL)
     period_ns = SECOND // rate
     warm_up(model, period_ns)

@@ -12,6 +12,7 @@ from bus import Bus
 from bus.log import configure_logging
 from bus.memory import keep_what_is_loaded
 from schemas.service import WORLD, ServiceId
+from services.priority import wake_promptly
 from services.sim.errors import WorldFileError
 from services.sim.noise import NoiseSettings
 from services.sim.pacing import Pacer
@@ -102,6 +103,7 @@ def main(
     except WorldFileError as error:
         typer.echo(f"sim: {error}", err=True)
         raise typer.Exit(2) from None
+    wake_promptly()
     with Bus(ServiceId("sim", WORLD)) as bus:
         bus.handle_signals()
         keep_what_is_loaded()

@@ -12,7 +12,9 @@ from pathlib import Path
 import httpx
 import pytest
 
+from services.priority import SLICE_NS
 from tests.launch.conftest import alive, gone
+from tests.slices import heeded, slice_and_nice
 from tests.system.cell import ROOT, Cell
 
 SERVICES = {
@@ -48,6 +50,18 @@ def test_each_service_is_a_process_of_its_own(cell: Cell) -> None:
     pids = {cell.pid(service) for service in SERVICES}
     assert len(pids) == len(SERVICES)
     assert all(os.getpgid(pid) == pid for pid in pids), "each leads its own process group"
+
+
+@heeded
+@pytest.mark.parametrize("service", ["sim", "controller"])
+def test_what_keeps_a_control_loop_is_let_in_promptly_with_the_threads_of_its_bus(cell: Cell, service: str) -> None:
+    threads = {
+        int(task.name): (task / "comm").read_text() for task in Path(f"/proc/{cell.pid(service)}/task").iterdir()
+    }
+    of_the_bus = [thread for thread, name in threads.items() if name.startswith(("rx-", "tx-"))]
+    assert of_the_bus, f"no thread of Zenoh among {sorted(threads.values())}"
+    for thread in [cell.pid(service), *of_the_bus]:
+        assert slice_and_nice(thread) == (SLICE_NS, 0)
 
 
 def test_status_tells_the_same(cell: Cell) -> None:
