@@ -2,7 +2,9 @@
 
 from bus.config import BusConfig
 from bus.errors import BusError, CallTimeout, Refused, Unavailable
-from bus.inbox import Event, Inbox, Presence, Request, Sample
+from bus.inbox import Event, Inbox, Presence, Request
+from bus.newest import Newest
+from bus.samples import Sample
 from bus.session import Bus, Publisher
 
 __all__ = [
@@ -12,6 +14,7 @@ __all__ = [
     "CallTimeout",
     "Event",
     "Inbox",
+    "Newest",
     "Presence",
     "Publisher",
     "Refused",

@@ -6,7 +6,7 @@ import asyncio
 import queue
 import threading
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
 from types import TracebackType
@@ -16,6 +16,7 @@ import zenoh
 
 from bus.attached import stay_attached
 from bus.log import get_logger
+from bus.samples import Malformed, Sample, parse
 from schemas.base import Message
 from schemas.chassis import Refusal
 from schemas.codec import MalformedMessage, codec_for
@@ -31,15 +32,6 @@ log = get_logger(__name__)
 DEPTH = {Qos.STREAM: 16, Qos.COMMAND: 64, Qos.EVENT: 1024, Qos.LATCHED: 16}
 MAX_REQUESTS = 256
 MAX_OVERTAKES = 16
-
-
-@dataclass(frozen=True)
-class Sample:
-    """A message that was published."""
-
-    topic: Topic[Any]
-    robot: str
-    message: Any
 
 
 class Request:
@@ -141,7 +133,7 @@ class Inbox:
         self._wake: Callable[[], object] | None = None
         self._stopped = False
         self.received = 0
-        self.malformed: Counter[str] = Counter()
+        self.malformed = Malformed()
 
     @property
     def dropped(self) -> int:
@@ -151,13 +143,8 @@ class Inbox:
     def subscribe(self, topic: Topic[Any], robot: str = "*", depth: int | None = None) -> Inbox:
         codec = codec_for(topic.model)
 
-        def decode(sample: zenoh.Sample) -> Event | None:
-            try:
-                message = codec.loads(sample.payload.to_bytes(), str(sample.encoding))
-            except MalformedMessage as error:
-                self._count_malformed(topic.name, error)
-                return None
-            return Sample(topic, robot_of(sample), message)
+        def decode(raw: zenoh.Sample) -> Event | None:
+            return parse(topic, codec, raw, self.malformed)
 
         source = self._add_source(depth or DEPTH[topic.qos], decode)
         key = topic.key_for(robot)
@@ -173,7 +160,7 @@ class Inbox:
                 message = codec.loads(payload, str(pending.encoding) if pending.encoding is not None else None)
             except MalformedMessage as error:
                 refuse(pending, "malformed", str(error))
-                self._count_malformed(query.name, error)
+                self.malformed.count(query.name, error)
                 return None
             return Request(query, robot, message, pending)
 
@@ -293,12 +280,3 @@ class Inbox:
                 wake()
             except RuntimeError:  # the reader's event loop is closed: nobody is left to wake
                 self._wake = None
-
-    def _count_malformed(self, name: str, error: MalformedMessage) -> None:
-        self.malformed[name] += 1
-        if self.malformed[name] == 1:
-            log.warning("malformed message dropped; further ones are only counted", topic=name, error=str(error))
-
-
-def robot_of(sample: zenoh.Sample) -> str:
-    return str(sample.key_expr).split("/", 2)[1]

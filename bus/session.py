@@ -18,6 +18,7 @@ import zenoh.ext
 from bus.config import BusConfig
 from bus.errors import CallTimeout, Refused, Unavailable
 from bus.inbox import Inbox
+from bus.newest import Newest
 from schemas.base import Message
 from schemas.chassis import Refusal
 from schemas.codec import Codec, MalformedMessage, codec_for
@@ -75,7 +76,7 @@ class Bus:
     def __init__(self, service: ServiceId, config: BusConfig | None = None) -> None:
         self.service = service
         self._config = config or BusConfig()
-        self._inboxes: list[Inbox] = []
+        self._readers: list[Inbox | Newest] = []
         self._handles: list[Any] = []
         self.stopping = False
         self._reporter: Reporter | None = None
@@ -90,8 +91,8 @@ class Bus:
         self.stop()
         if self._reporter is not None:
             self._reporter.close()
-        for inbox in self._inboxes:
-            inbox.close()
+        for reader in self._readers:
+            reader.close()
         for handle in self._handles:
             handle.undeclare()
         self._session.close()  # type: ignore[no-untyped-call]
@@ -125,8 +126,14 @@ class Bus:
     def inbox(self) -> Inbox:
         """A new queue of events; see ``Inbox``."""
         inbox = Inbox(self)
-        self._inboxes.append(inbox)
+        self._readers.append(inbox)
         return inbox
+
+    def newest(self) -> Newest:
+        """For those who look now and then; see ``Newest``."""
+        newest = Newest(self)
+        self._readers.append(newest)
+        return newest
 
     # -- query -------------------------------------------------------------------------------------------------------
 
@@ -200,19 +207,19 @@ class Bus:
         self._reporter = Reporter(self.publisher(BUS_STATS, self.service.robot), self.stats)
 
     def stats(self) -> BusStats:
-        """What all inboxes have taken in so far."""
+        """What all its readers have taken in so far."""
         return BusStats(
             service=self.service.service,
-            received=sum(inbox.received for inbox in self._inboxes),
-            dropped=sum(inbox.dropped for inbox in self._inboxes),
-            malformed=sum(inbox.malformed.total() for inbox in self._inboxes),
+            received=sum(reader.received for reader in self._readers),
+            dropped=sum(reader.dropped for reader in self._readers),
+            malformed=sum(reader.malformed.total() for reader in self._readers),
         )
 
     def stop(self) -> None:
         """End the iteration of every inbox. May be called from a signal handler and from any thread."""
         self.stopping = True
-        for inbox in self._inboxes:
-            inbox.stop()
+        for reader in self._readers:
+            reader.stop()
 
     def handle_signals(self) -> None:
         """Let SIGTERM and SIGINT end the inboxes' iteration, so that the process ends by returning."""
@@ -223,7 +230,7 @@ class Bus:
         signal.signal(signal.SIGTERM, stop)
         signal.signal(signal.SIGINT, stop)
 
-    # -- for the inbox -----------------------------------------------------------------------------------------------
+    # -- for the readers ---------------------------------------------------------------------------------------------
 
     def declare_subscriber(self, key: str, qos: Qos, push: Callable[[zenoh.Sample], None]) -> Any:
         # Direct callbacks run in the order of arrival on the link, across topics; all they do is put into a queue.
@@ -232,6 +239,10 @@ class Bus:
             history = zenoh.ext.HistoryConfig(detect_late_publishers=True)
             return zenoh.ext.declare_advanced_subscriber(self._session, key, handler, history=history)
         return self._session.declare_subscriber(key, handler)
+
+    def declare_ring(self, key: str, size: int) -> Any:
+        """A subscriber that is asked, with ``try_recv``, for what has come: the newest ``size`` samples."""
+        return self._session.declare_subscriber(key, zenoh.handlers.RingChannel(size))
 
     def declare_queryable(self, key: str, push: Callable[[zenoh.Query], None]) -> Any:
         return self._session.declare_queryable(key, zenoh.handlers.Callback(push, indirect=False), complete=True)

@@ -13,7 +13,7 @@ from schemas.motion import ArmModel, Gripper, Holder, MotionDiagnostics, MotionE
 from schemas.orientation import TaskPose, quaternion
 from services.viewer import colours
 from services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
-from services.viewer.shapes import curves, line, name_tag
+from services.viewer.shapes import curves, ink, line, name_tag, pen
 from services.viewer.trail import Trail
 
 TRAIL_STEP, TRAIL_POINTS = 0.01, 400
@@ -124,7 +124,7 @@ class ArmView:
         yield Drawing(
             self._at("path"), (line(path.points, colours.PATH, 3.0),), frame=self._frame("mount"), lasting=True
         )
-        marks = rr.Points3D(ends, colors=colours.TARGET, radii=rr.Radius.ui_points(5.0))
+        marks = rr.Points3D(ends, colors=ink(colours.TARGET), radii=pen(5.0))
         yield Drawing(self._at("way_points"), (marks,), frame=self._frame("mount"), lasting=True)
 
     def event(self, event: MotionEvent) -> Iterable[Item]:

@@ -29,7 +29,7 @@ from schemas.moves import MoveEvent, PlannedPath, PlanningState
 from services.viewer import colours
 from services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
 from services.viewer.maps import map_drawings
-from services.viewer.shapes import curves, line, name_tag
+from services.viewer.shapes import curves, ink, line, name_tag, pen
 from services.viewer.trail import Trail
 
 # Heights that keep flat things apart (m): a costmap over the map, lines over both. A 2-D lidar tells no height of its
@@ -71,7 +71,7 @@ class ChassisView:
     def model(self, model: ChassisModel) -> Iterable[Item]:
         """The outline that must not touch anything, with the wheels, where the robot believes to be."""
         strips = [*prism(model.footprint, BODY_HEIGHT), *wheels(model)]
-        lines = rr.LineStrips3D(strips, colors=colours.FOOTPRINT, radii=rr.Radius.ui_points(1.2))
+        lines = rr.LineStrips3D(strips, colors=ink(colours.FOOTPRINT), radii=pen(1.2))
         yield Drawing(self._at("footprint"), (lines,), frame=self.frame, static=True)
 
     def pose(self, message: LocalisedPose) -> Iterable[Item]:
@@ -84,7 +84,7 @@ class ChassisView:
     def scan(self, scan: Scan) -> Iterable[Item]:
         pose = self._pose_at(scan.stamp)
         if pose is not None:
-            points = rr.Points3D(scan_points(scan, pose), colors=colours.SCAN, radii=rr.Radius.ui_points(1.8))
+            points = rr.Points3D(scan_points(scan, pose), colors=ink(colours.SCAN), radii=pen(1.8))
             yield Drawing(self._at("scan"), (points,))
 
     def _pose_at(self, stamp: int) -> Pose2 | None:
@@ -141,8 +141,8 @@ class ChassisView:
 
     def planning_state(self, state: PlanningState) -> Iterable[Item]:
         before, self._planning = self._planning, state
-        target = state.target if state.move_state == "moving" else None
-        yield Drawing(self._at("target"), (target_arrow(target),), lasting=True)
+        if before is None or _target(state) != _target(before):
+            yield Drawing(self._at("target"), (target_arrow(_target(state)),), lasting=True)
         yield Row(self._at("distance/remaining"), (state.remaining_distance,))
         told = (state.action_id, state.move_state)
         if state.action_id and (before is None or told != (before.action_id, before.move_state)):
@@ -217,6 +217,10 @@ def wheels(model: ChassisModel) -> list[NDArray[np.float64]]:
     return [np.column_stack([x, np.full(len(x), side * model.wheel_separation / 2), z]) for side in (1, -1)]
 
 
+def _target(state: PlanningState) -> Pose2 | None:
+    return state.target if state.move_state == "moving" else None
+
+
 def target_arrow(target: Pose2 | None) -> rr.Arrows3D:
     """From the target place, along the target heading."""
     if target is None:
@@ -225,7 +229,7 @@ def target_arrow(target: Pose2 | None) -> rr.Arrows3D:
     return rr.Arrows3D(
         origins=[(target.x, target.y, LINE_Z)],
         vectors=[(length * math.cos(target.yaw), length * math.sin(target.yaw), 0.0)],
-        colors=colours.TARGET,
+        colors=ink(colours.TARGET),
         radii=0.04,
     )
 

@@ -46,11 +46,10 @@ NOT_DRAWN = {
 DRAWN: tuple[Topic[Any], ...] = tuple(topic for topic in topics.TOPICS if topic not in NOT_DRAWN)
 
 
-def unread(topic: Topic[Any]) -> int | None:
-    """How many unread samples of a topic are worth keeping: of streams the newest; None is as many as its QoS has."""
-    if topic is topics.POSE:
-        return KNOWN_POSES // 2  # the scan's own pose may not be the newest
-    return 1 if topic.qos in (Qos.STREAM, Qos.COMMAND) else None
+# Of streams only the newest is drawn, but a scan where the robot was then: poses come first, and more than one of them.
+NEWEST: dict[Topic[Any], int] = {topics.POSE: KNOWN_POSES // 2} | {
+    topic: 1 for topic in DRAWN if topic.qos in (Qos.STREAM, Qos.COMMAND) and topic is not topics.POSE
+}
 
 
 @dataclass(frozen=True)

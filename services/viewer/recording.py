@@ -20,7 +20,9 @@ Stamped = tuple[int, Item]
 
 
 class Recording:
-    """Writes items. Poses go out once a ``write``, all in one; rows when ``flush_rows`` is called, many at once."""
+    """Writes items: at each ``write`` the poses, all in one, and of each drawing the last; rows when ``flush_rows`` is
+    called, many at once.
+    """
 
     def __init__(self, run: str, sinks: Sequence[rr.LogSinkLike]) -> None:
         self._stream = rr.RecordingStream(APPLICATION, recording_id=run or None)
@@ -37,6 +39,7 @@ class Recording:
 
     def write(self, items: Iterable[Stamped]) -> None:
         moved: dict[str, tuple[int, Pose]] = {}
+        drawn: dict[str, tuple[int, Drawing]] = {}
         for stamp, item in items:
             match item:
                 case Pose():
@@ -44,11 +47,13 @@ class Recording:
                 case Row():
                     self._rows[item.entity].append((stamp, item.values))
                 case Drawing():
-                    self._draw(stamp, item)
+                    drawn[item.entity] = (stamp, item)
                 case Note():
                     self._log(stamp, item.entity, rr.TextLog(item.text, level=item.level))
         self._poses |= {frame: pose for frame, (_, pose) in moved.items()}
         self._move(moved.values())
+        for stamp, drawing in drawn.values():
+            self._draw(stamp, drawing)
 
     def repeat(self, stamp: int) -> None:
         """Draw again what lasts: a server of limited memory forgets what is old."""

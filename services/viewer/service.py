@@ -20,15 +20,15 @@ from schemas.service import CELL, ServiceId
 from schemas.topics import Qos
 from services.viewer.blueprint import blueprint
 from services.viewer.bus_view import presence
-from services.viewer.picture import DRAWN, Cast, Picture, unread
+from services.viewer.picture import DRAWN, NEWEST, Cast, Picture
 from services.viewer.recording import Recording, Stamped
 from services.viewer.server import CannotServe, Server
 
 log = get_logger(__name__)
 
 READ_AHEAD = 1024  # events a frame takes in at most
-ROWS_EVERY, REPEAT_EVERY = 0.4, 5.0  # seconds of wall time
-REST = 5.0  # times as long as a frame took nothing is drawn at least
+ROWS_EVERY, REPEAT_EVERY = 1.0, 5.0  # seconds of wall time
+REST = 9.0  # times as long as a frame took nothing is drawn at least
 SETTLED = 0.5  # seconds of wall time without anybody new
 CLOCK_PATIENCE = 1.0  # seconds of wall time after which a cell without a clock is drawn
 AHEAD = 5 * NANOSECONDS  # what is stamped later than this after the clock is of a run that is over
@@ -124,10 +124,13 @@ class Viewer:
         self, bus: Bus, new_recording: Callable[[str], Recording], rate: float, layout_each_run: bool = False
     ) -> None:
         self._bus, self._new_recording, self._period = bus, new_recording, 1.0 / rate
-        self._inbox = bus.inbox()
-        for topic in DRAWN:
-            self._inbox.subscribe(topic, depth=unread(topic))
+        self._inbox, self._newest = bus.inbox(), bus.newest()
         self._inbox.watch_services()
+        for topic in DRAWN:
+            if topic not in NEWEST:
+                self._inbox.subscribe(topic)
+        for topic, keep in NEWEST.items():
+            self._newest.follow(topic, keep=keep)
         self._recording: Recording | None = None
         self._picture, self._cast, self._cast_since = Picture(), Cast(), 0.0
         self._run: str | None = None  # as the clock names it; None without a clock
@@ -183,7 +186,7 @@ class Viewer:
         events: list[Event] = []
         while len(events) < READ_AHEAD and (event := self._inbox.get(timeout=0)) is not None:
             events.append(event)
-        return events
+        return [*events, *self._newest.take()]
 
     def _wait_for_clock(self, events: list[Event], wall: float) -> None:
         """A robot without a simulator may tell no clock; the stamps are time then."""

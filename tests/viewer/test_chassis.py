@@ -69,6 +69,17 @@ def test_a_path_that_ends_vanishes(view: ChassisView) -> None:
     assert isinstance(drawing, Drawing) and drawing.parts[0].strips.as_arrow_array().to_pylist() == []
 
 
+def test_a_target_is_drawn_when_it_is_another(view: ChassisView) -> None:
+    def drawn(**changes: Any) -> list[int]:
+        items = view.planning_state(messages.planning(**changes))
+        return [len(item.parts[0].vectors.as_arrow_array()) for item in items if isinstance(item, Drawing)]
+
+    assert drawn() == [1]
+    assert drawn(remaining_distance=1.0) == []
+    assert drawn(target=Pose2(x=9.0, y=9.0, yaw=0.0)) == [1]
+    assert drawn(move_state="succeeded") == [0]
+
+
 def test_the_log_tells_moves_faults_and_stops_once(view: ChassisView) -> None:
     event = MoveEvent(stamp=0, move_id=7, event="blocked", text="a crate")
     assert notes(view.event(event)) == [("WARN", "move 7 blocked: a crate")]

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from schemas.topics import TOPICS, Topic
-from services.viewer.picture import DRAWN, NOT_DRAWN, route
+from schemas import topics
+from schemas.topics import TOPICS, Qos, Topic
+from services.viewer.picture import DRAWN, NEWEST, NOT_DRAWN, route
 
 
 @pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)
@@ -18,3 +19,9 @@ def test_every_topic_is_drawn_or_said_why_not(topic: Topic[Any]) -> None:
     assert topic in DRAWN
     view, method = route(topic)
     assert callable(getattr(view, method, None)), f"{view.__name__} has no method {method!r} for {topic.name}"
+
+
+def test_of_streams_only_the_newest_is_drawn_and_poses_are_known_before_their_scans() -> None:
+    streams = {topic for topic in DRAWN if topic.qos in (Qos.STREAM, Qos.COMMAND)}
+    assert set(NEWEST) == streams
+    assert next(iter(NEWEST)) is topics.POSE

@@ -20,12 +20,12 @@ from services.viewer.service import Viewer, next_frame, numbered
 from tests.gateway import messages
 from tests.viewer import reading
 
-SECOND = 1_000_000_000
+SECOND, MILLISECOND = 1_000_000_000, 1_000_000
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 
 
 class FakeBus:
-    """Its one inbox gives what the test has put there."""
+    """Its one inbox gives what the test has put there, and its streams have nothing to add."""
 
     def __init__(self) -> None:
         self.events: deque[Event] = deque()
@@ -35,8 +35,16 @@ class FakeBus:
     def inbox(self) -> FakeBus:
         return self
 
+    def newest(self) -> FakeBus:
+        return self
+
     def subscribe(self, topic: topics.Topic[Any], **_: Any) -> None:
         self.topics.append(topic.name)
+
+    follow = subscribe
+
+    def take(self) -> tuple[()]:
+        return ()
 
     def watch_services(self) -> None: ...
 
@@ -78,6 +86,16 @@ class Bench:
 @pytest.fixture
 def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
+
+
+def stamps_of(file: Path, entity: str) -> list[int]:
+    """When an entity was drawn."""
+    return sorted(
+        stamp
+        for chunk in reading.chunks(file)
+        if chunk.entity_path == f"/{entity}" and not chunk.is_static
+        for stamp in chunk.to_record_batch()["sim_time"].cast("int64").to_pylist()
+    )
 
 
 def crate(position: tuple[float, float, float], body: str = "crate") -> SceneGeom:
@@ -205,13 +223,16 @@ def test_what_lasts_is_drawn_again_for_those_who_come_late(bench: Bench) -> None
     bench.frame(after=6.0)  # time has not gone on: there is nothing to be forgotten
     bench.end()
     assert (20 * SECOND, "crate") in reading.poses(bench.file(1))
-    stamps = [
-        stamp
-        for chunk in reading.chunks(bench.file(1))
-        if chunk.entity_path == "/amr1/path" and not chunk.is_static
-        for stamp in chunk.to_record_batch()["sim_time"].cast("int64").to_pylist()
-    ]
-    assert sorted(stamps) == [0, 20 * SECOND]
+    assert stamps_of(bench.file(1), "amr1/path") == [0, 20 * SECOND]
+
+
+def test_of_a_drawing_that_changed_more_than_once_in_a_frame_the_last_is_drawn(bench: Bench) -> None:
+    for stamp in (SECOND, SECOND + 200 * MILLISECOND, SECOND + 400 * MILLISECOND):
+        bench.clock(stamp)
+        bench.tell(topics.PATH, "amr1", messages.path(stamp))
+    bench.frame()
+    bench.end()
+    assert stamps_of(bench.file(1), "amr1/path") == [SECOND + 400 * MILLISECOND]
 
 
 def test_services_that_come_and_go_are_told(bench: Bench) -> None:
@@ -230,6 +251,6 @@ def test_services_that_come_and_go_are_told(bench: Bench) -> None:
 
 def test_frames_keep_their_pace_where_the_machine_does_and_wait_where_it_does_not() -> None:
     period = 0.04
-    assert next_frame(due=1.0, begun=1.0, ended=1.006, period=period) == pytest.approx(1.04)
-    assert next_frame(due=1.0, begun=1.02, ended=1.026, period=period) == pytest.approx(1.056)
-    assert next_frame(due=1.0, begun=1.0, ended=1.1, period=period) == pytest.approx(1.6)
+    assert next_frame(due=1.0, begun=1.0, ended=1.003, period=period) == pytest.approx(1.04)
+    assert next_frame(due=1.0, begun=1.02, ended=1.024, period=period) == pytest.approx(1.06)
+    assert next_frame(due=1.0, begun=1.0, ended=1.1, period=period) == pytest.approx(2.0)

@@ -1,0 +1,47 @@
+"""What was published, and what could not be parsed of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import zenoh
+
+from bus.log import get_logger
+from schemas.codec import Codec, MalformedMessage
+from schemas.topics import Topic
+
+log = get_logger(__name__)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A message that was published."""
+
+    topic: Topic[Any]
+    robot: str
+    message: Any
+
+
+class Malformed(Counter[str]):
+    """How many could not be parsed, by the name of their topic or query. The first of each is logged."""
+
+    def count(self, name: str, error: MalformedMessage) -> None:
+        self[name] += 1
+        if self[name] == 1:
+            log.warning("malformed message dropped; further ones are only counted", topic=name, error=str(error))
+
+
+def parse(topic: Topic[Any], codec: Codec[Any], raw: zenoh.Sample, malformed: Malformed) -> Sample | None:
+    """None, counted, if it is no message of the topic."""
+    try:
+        message = codec.loads(raw.payload.to_bytes(), str(raw.encoding))
+    except MalformedMessage as error:
+        malformed.count(topic.name, error)
+        return None
+    return Sample(topic, robot_of(raw), message)
+
+
+def robot_of(raw: zenoh.Sample) -> str:
+    return str(raw.key_expr).split("/", 2)[1]
