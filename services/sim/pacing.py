@@ -16,7 +16,7 @@ RETELL_AFTER = (
 )
 MAX_LAG_NS = 60_000_000  # running free, no command of a live participant grows older than this …
 MAX_LAG_WAIT = 1.0  # … unless it stays out for so long (s of wall time)
-CATCH_UP = 2.0  # times as fast as its pace goes a world that is behind: in a burst, controllers would miss states
+CATCH_UP = 1.25  # times as fast as its pace goes a world that is behind: in a burst, controllers would miss states
 LATE = 0.25  # s: a world that is later than this behind the wall goes on from where it is, instead of catching up
 
 
