@@ -158,7 +158,7 @@ def viewer(cell: Cell, bus: Bus, memory: str = MEMORY) -> Iterator[int]:
     command = [*guarded, sys.executable, "-m", "services.viewer", "--memory", memory]
     command += ["--web-port", str(free_port()), "--data-port", str(free_port())]
     environment = {**os.environ, "RACKHAND_BUS_CONNECT": cell.bus}
-    process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL, start_new_session=True)
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL, process_group=0)
     try:
         while (event := presence.get(timeout=PATIENCE)) != Presence(ServiceId("viewer", CELL), alive=True):
             assert event is not None, "no viewer came"

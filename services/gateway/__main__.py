@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from schemas.codec import explain
 from services.gateway.service import run
 from services.gateway.settings import Settings, parse_service
-from services.priority import stand_back
+from services.priority import GATEWAY, stand_back
 
 EPILOG = """Examples:\n
   python -m services.gateway\n
@@ -19,7 +19,6 @@ EPILOG = """Examples:\n
   python -m services.gateway --arm arm1 --crf-port arm1=5000\n
 Everything else is set in the environment, as in RACKHAND_GATEWAY_SECRET=… or RACKHAND_GATEWAY_SERVICE_STATUS=201.
 """
-NICE = 5
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -62,7 +61,7 @@ def main(
         raise typer.BadParameter(explain(error)) from None
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--expect") from None
-    stand_back(NICE)  # clients, however many, must not hold up what moves
+    stand_back(GATEWAY)
     run(settings)
 
 

@@ -37,7 +37,7 @@ class Child:
                 stdout=write_end,
                 stderr=write_end,
                 env={**environment, **spec.env, "PYTHONUNBUFFERED": "1", "RACKHAND_SUPERVISED": "1"},
-                start_new_session=True,
+                process_group=0,
             )
         except BaseException:
             os.close(read_end)

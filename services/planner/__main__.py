@@ -21,6 +21,7 @@ from services.planner.modes import RemoteLimits
 from services.planner.move_store import HISTORY_LIMIT, MoveStore
 from services.planner.navigation import ChassisNavigator, NavigationSettings
 from services.planner.service import PlannerService
+from services.priority import PLANNER, stand_back
 
 log = get_logger(__name__)
 
@@ -57,6 +58,7 @@ def main(
     remote_max_forward_velocity: Annotated[float, typer.Option(min=0.0, max=2.0, help="m/s in remote mode")] = 0.8,
 ) -> None:
     configure_logging("planner")
+    stand_back(PLANNER)
     navigation = NavigationSettings()
     limits = replace(
         navigation.control, max_forward_velocity=max_forward_velocity, max_angular_velocity=max_angular_velocity

@@ -8,15 +8,13 @@ from typing import Annotated
 
 import typer
 
-from services.priority import stand_back
+from services.priority import RECORDER, VIEWER, stand_back
 
 EPILOG = """Examples:\n
   python -m services.viewer\n
   python -m services.viewer --host 0.0.0.0 --memory 1GB\n
   python -m services.viewer --no-serve --save run.rrd\n
 """
-# Whoever looks has time; whoever acts has not. On a machine without a free core the view gets what is left.
-NICE_SERVING, NICE_RECORDING = 19, 10
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -41,7 +39,7 @@ def main(
     except ImportError:
         print("the viewer needs Rerun: pip install 'rackhand[viewer]'", file=sys.stderr)
         raise SystemExit(2) from None
-    stand_back(NICE_SERVING if serve else NICE_RECORDING)
+    stand_back(VIEWER if serve else RECORDER)
     from services.viewer.service import Settings, run
 
     raise SystemExit(run(Settings(host, web_port, data_port, memory, rate, save, serve)))

@@ -122,7 +122,7 @@ class Cell:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 env={**environment(), **self._environment},
-                start_new_session=True,
+                process_group=0,
             )
         facts = self.wait_for(self._facts, "its ports are told")
         self.http, self.bus, self.crf = facts["http"], facts["bus"], facts.get("crf", {})

@@ -12,7 +12,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from services.priority import SLICE_NS
+from services.priority import GATEWAY, PLANNER, SLICE_NS
 from tests.launch.conftest import alive, gone
 from tests.slices import heeded, slice_and_nice
 from tests.system.cell import ROOT, Cell
@@ -52,6 +52,14 @@ def test_each_service_is_a_process_of_its_own(cell: Cell) -> None:
     assert all(os.getpgid(pid) == pid for pid in pids), "each leads its own process group"
 
 
+def test_who_has_more_time_stands_back_for_who_has_less(cell: Cell) -> None:
+    """Linux heeds that among the processes of a session: all of a cell are in one."""
+    base = os.getpriority(os.PRIO_PROCESS, cell.supervisor.pid)
+    back = {service: os.getpriority(os.PRIO_PROCESS, cell.pid(service)) - base for service in SERVICES}
+    assert back == {"router": 0, "sim": 0, "planner": PLANNER, "controller": 0, "gateway": GATEWAY}
+    assert {os.getsid(cell.pid(service)) for service in SERVICES} == {os.getsid(cell.supervisor.pid)}
+
+
 @heeded
 @pytest.mark.parametrize("service", ["sim", "controller"])
 def test_what_keeps_a_control_loop_is_let_in_promptly_with_the_threads_of_its_bus(cell: Cell, service: str) -> None:
@@ -61,7 +69,8 @@ def test_what_keeps_a_control_loop_is_let_in_promptly_with_the_threads_of_its_bu
     of_the_bus = [thread for thread, name in threads.items() if name.startswith(("rx-", "tx-"))]
     assert of_the_bus, f"no thread of Zenoh among {sorted(threads.values())}"
     for thread in [cell.pid(service), *of_the_bus]:
-        assert slice_and_nice(thread) == (SLICE_NS, 0)
+        slice_ns, _ = slice_and_nice(thread)
+        assert slice_ns == SLICE_NS
 
 
 def test_status_tells_the_same(cell: Cell) -> None:
