@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
-NAMES = ("bus", "cell", "first_motion", "planning", "ik", "motion", "trajectory", "viewer")
+NAMES = ("bus", "cell", "first_motion", "planning", "ik", "motion", "trajectory", "viewer", "viewer_memory")
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What the live view costs: its memory over an hour of simulation, and what a cell loses by it."""
+"""What a cell loses by the live view."""
 
 from __future__ import annotations
 
@@ -30,8 +30,7 @@ from tests.system.driving import Driver
 from tests.system.judge import Judge, standard
 
 GOALS = ((9.0, 7.3), (2.5, 7.3))
-HOUR, READINGS = 3600.0, 12  # of simulation
-MEMORY = "16MB"  # full after some minutes: then it shows whether memory is flat
+MEMORY = "16MB"
 SPEED_PAIRS, SPEED_SEGMENT = 10, 10.0  # each with and without; seconds of wall time of either
 LATE_PAIRS, LATE_SEGMENT = 15, 20.0  # late ticks are few: so they take longer
 TICKS = 60.0 * topics.ARM_COMMAND.rate  # of the controller, a minute at real time
@@ -46,7 +45,6 @@ def run() -> Report:
         _row("speed of the cell at `--speed max`, x real time", speeds, "{:.2f}".format),
         _row("ticks of the controller in time, at real time", [_in_time(pair) for pair in late], "{:.2%}".format),
         _late_row(late),
-        *memory_rows(),
     ]
     return Report(
         "What the live view costs",
@@ -56,9 +54,7 @@ def run() -> Report:
         f"World `warehouse`, robot and arm at work. Speed: {SPEED_PAIRS} pairs of segments of {SPEED_SEGMENT:.0f} s "
         f"without and with the viewer, in one cell; ticks: {LATE_PAIRS} of {LATE_SEGMENT:.0f} s. Medians of each, and "
         "median and quartiles of the ratio within a pair; of late ticks, which are few, means, their ratio, and where "
-        "that lies in 95 % of resamplings of the pairs. A segment with the viewer begins when it is there. "
-        f"Memory: resident, of the viewer and of Rerun's server, which keeps {MEMORY} for viewers that come late; its "
-        "ratio is to the first reading.",
+        "that lies in 95 % of resamplings of the pairs. A segment with the viewer begins when it is there.",
     )
 
 
@@ -167,43 +163,6 @@ def viewer(cell: Cell, bus: Bus, memory: str = MEMORY) -> Iterator[int]:
         presence.close()
         process.send_signal(signal.SIGTERM)
         process.wait(timeout=PATIENCE)
-
-
-# -- memory ------------------------------------------------------------------------------------------------------------
-
-
-def memory_rows() -> list[tuple[str, ...]]:
-    """Resident memory while an hour of simulation passes."""
-    rows = []
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        Cell(Path(folder), "--speed", "max") as cell,
-        Judge(cell.bus) as judge,
-        Bus(ServiceId("bench", CELL), cell.bus_config()) as bus,
-        viewer(cell, bus) as pid,
-    ):
-        work = Work(cell, judge)
-        first = 0.0
-        for reading in range(1, READINGS + 1):
-            work.until_simulated(reading * HOUR / READINGS)
-            own, server = resident(pid), sum(map(resident, children(pid)))
-            first = first or own + server
-            minutes = reading * HOUR / READINGS / 60
-            told = f"{own:.0f} + {server:.0f} MB"
-            print(f"  after {minutes:.0f} min of simulation: {told}", file=sys.stderr, flush=True)
-            rows.append((f"memory after {minutes:.0f} min of simulation", "", told, f"{(own + server) / first:.2f}"))
-        work.end()
-    return rows
-
-
-def resident(pid: int) -> float:
-    """MB."""
-    fields = dict(line.split(":", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines())
-    return int(fields["VmRSS"].split()[0]) / 1024
-
-
-def children(pid: int) -> list[int]:
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 # -- work --------------------------------------------------------------------------------------------------------------
