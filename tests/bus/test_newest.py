@@ -10,17 +10,11 @@ import zenoh
 from bus import Bus, BusConfig, Inbox, Newest, Publisher, Sample
 from bus.newest import RING
 from schemas import topics
-from schemas.base import Pose2, Twist2
-from schemas.chassis import Odometry
 from schemas.moves import PlanningState
 from schemas.service import WORLD, ServiceId
+from tests.gateway import messages
 
 ROBOTS = ("amr1", "amr2")
-
-
-def odometry(stamp: int) -> Odometry:
-    still = Twist2(linear=0.0, angular=0.0)
-    return Odometry(stamp=stamp, pose=Pose2(x=0.0, y=0.0, yaw=0.0), twist=still, wheel_velocities=(0.0, 0.0))
 
 
 def told(samples: Iterator[Sample]) -> list[tuple[str, int]]:
@@ -43,7 +37,7 @@ class Pair:
         missing = set(ROBOTS)
         while missing:
             for robot in ROBOTS:
-                self.odometry[robot].put(odometry(0))
+                self.odometry[robot].put(messages.odometry(0))
             missing -= {robot for robot, _ in told(self.newest.take())}
         self.arrived()
         list(self.newest.take())
@@ -71,7 +65,7 @@ def test_the_newest_of_each_robot_is_given_and_given_once(pair: Pair) -> None:
     before = pair.reader.stats()
     for stamp in range(1, 11):
         for robot in ROBOTS:
-            pair.odometry[robot].put(odometry(stamp))
+            pair.odometry[robot].put(messages.odometry(stamp))
     pair.arrived()
     assert sorted(told(pair.newest.take())) == [("amr1", 10), ("amr2", 10)]
     assert not told(pair.newest.take())
@@ -84,7 +78,7 @@ def test_as_many_are_kept_as_were_asked_for_in_order(pair: Pair) -> None:
     pair.newest.follow(topics.ODOMETRY, keep=3)
     pair.meet()
     for stamp in range(1, 3 * RING):
-        pair.odometry["amr1"].put(odometry(stamp))
+        pair.odometry["amr1"].put(messages.odometry(stamp))
     pair.arrived()
     newest = [("amr1", 3 * RING - 3 + i) for i in range(3)]
     assert told(pair.newest.take()) == newest
@@ -95,10 +89,10 @@ def test_what_is_no_message_is_counted_and_hides_no_other_robot(pair: Pair, rout
     pair.meet()
     with zenoh.open(BusConfig(connect=router).zenoh_config()) as stranger:
         while pair.newest.malformed.total() == 0:
-            pair.odometry["amr2"].put(odometry(7))
+            pair.odometry["amr2"].put(messages.odometry(7))
             stranger.put(topics.ODOMETRY.key_for("amr1"), b"\xc1")
             assert set(told(pair.newest.take())) <= {("amr2", 7)}
-        pair.odometry["amr2"].put(odometry(8))
+        pair.odometry["amr2"].put(messages.odometry(8))
         pair.arrived()
         assert ("amr2", 8) in told(pair.newest.take())
     assert pair.reader.stats().malformed >= 1

@@ -68,9 +68,9 @@ def test_what_keeps_a_control_loop_is_let_in_promptly_with_the_threads_of_its_bu
     }
     of_the_bus = [thread for thread, name in threads.items() if name.startswith(("rx-", "tx-"))]
     assert of_the_bus, f"no thread of Zenoh among {sorted(threads.values())}"
+    base = os.getpriority(os.PRIO_PROCESS, cell.supervisor.pid)
     for thread in [cell.pid(service), *of_the_bus]:
-        slice_ns, _ = slice_and_nice(thread)
-        assert slice_ns == SLICE_NS
+        assert slice_and_nice(thread) == (SLICE_NS, base)
 
 
 def test_status_tells_the_same(cell: Cell) -> None:
