@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from websockets.sync.client import ClientConnection, connect
 
 from schemas.topics import QUERIES, TOPICS
+from services.planner.jacking import REACHED
 from tests.system.cell import Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard
@@ -86,8 +87,18 @@ def nobody_dies(cell: Cell) -> Iterator[None]:
         driver.request("POST", "/services/wheel_control/set_control_mode", {"control_mode": "auto"})
         driver.request("POST", "/services/wheel_control/set_emergency_stop", {"enable": False})
         driver.use_stored_map()
+        lower_jack(cell, driver)
         pose = judge.true_pose("amr1")
         assert driver.drive(standard(pose.x + 1.0 if pose.x < 6 else pose.x - 1.0, 1.5))["state"] == "succeeded"
+
+
+def lower_jack(cell: Cell, driver: Driver) -> None:
+    """A body may have sent it up, and another have stopped it on its way: no move is taken meanwhile."""
+    driver.request("POST", "/services/jack_down")
+    with connect(cell.http.replace("http", "ws") + "/ws/v2/topics") as socket:
+        socket.send(json.dumps({"enable_topic": "/jack_state"}))
+        while json.loads(socket.recv(timeout=30)).get("progress", 1.0) > REACHED:
+            pass
 
 
 def check(answer: httpx.Response) -> None:
