@@ -63,7 +63,7 @@ def take_driving(cell: Cell, picture: Path) -> None:
     with Judge(cell.bus) as judge:
         driver = Driver(cell, judge)
         driver.wait_until_joined()
-        wait_for_viewer(cell)
+        cell.wait_until_there("cell/viewer")  # it tells nothing of what was before
         driver.post(MOVE)
         cell.wait_for(lambda: judge.true_pose("amr1").x > 8.0 or None, "the robot is on its way")
         draw_with_arm(driver)
@@ -77,23 +77,12 @@ def take_arm(cell: Cell, picture: Path) -> None:
     with Judge(cell.bus) as judge:
         driver = Driver(cell, judge)
         driver.wait_until_joined()
-        wait_for_viewer(cell)
+        cell.wait_until_there("cell/viewer")
         begun = judge.now()
         draw_with_arm(driver)
         driver.wait(lambda world: world.clock.stamp * 1e-9 > begun + 5.5, "half of the figure is drawn")
         photograph(cell, judge, "Arm", picture)
         driver.close()
-
-
-def wait_for_viewer(cell: Cell) -> None:
-    """What happens before it is there it does not tell of."""
-
-    def there() -> bool | None:
-        health = cell.health()
-        rows = health.rows if health is not None else ()
-        return any(row["service"] == "viewer" and row["status"] == "up" for row in rows) or None
-
-    cell.wait_for(there, "the viewer is there")
 
 
 def draw_with_arm(driver: Driver) -> None:

@@ -23,8 +23,16 @@ class Health:
     @property
     def down(self) -> tuple[str, ...]:
         """``robot/service`` of all that should be up and is not."""
-        missing = [row for row in self.rows if row.get("status") != "up" and row.get("expected", True)]
-        return tuple(f"{row.get('robot')}/{row.get('service')}" for row in missing)
+        return tuple(_name(row) for row in self.rows if row.get("status") != "up" and row.get("expected", True))
+
+    @property
+    def up(self) -> tuple[str, ...]:
+        """``robot/service`` of all that is there, wanted or not."""
+        return tuple(_name(row) for row in self.rows if row.get("status") == "up")
+
+
+def _name(row: dict[str, Any]) -> str:
+    return f"{row.get('robot')}/{row.get('service')}"
 
 
 def ask_health(url: str, timeout: float = 1.0) -> Health | None:

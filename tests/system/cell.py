@@ -174,6 +174,10 @@ class Cell:
         """Wait until ``/healthz`` tells that all is up."""
         return self._wait_for_health(lambda health: health.all_up, "every service is up", timeout)
 
+    def wait_until_there(self, service: str, timeout: float = PATIENCE) -> Health:
+        """Wait until ``/healthz`` tells that ``robot/service`` is up, expected or not (as ``cell/viewer``)."""
+        return self._wait_for_health(lambda health: service in health.up, f"{service} is told to be up", timeout)
+
     def wait_until_down(self, service: str, timeout: float = PATIENCE) -> Health:
         """Wait until ``/healthz`` tells that ``robot/service`` (as in ``amr1/planner``) is not up."""
         return self._wait_for_health(lambda health: service in health.down, f"{service} is told to be down", timeout)

@@ -69,8 +69,7 @@ def client(cell: Cell) -> Iterator[httpx.Client]:
 
 @pytest.fixture(scope="module")
 def socket(cell: Cell) -> Iterator[ClientConnection]:
-    url = cell.http.replace("http", "ws") + "/ws/v2/topics"
-    with connect(url, max_size=None, ping_interval=None) as socket:  # on a busy machine the client's pings come late
+    with topics_of(cell) as socket:
         yield socket
 
 
@@ -92,10 +91,15 @@ def nobody_dies(cell: Cell) -> Iterator[None]:
         assert driver.drive(standard(pose.x + 1.0 if pose.x < 6 else pose.x - 1.0, 1.5))["state"] == "succeeded"
 
 
+def topics_of(cell: Cell) -> ClientConnection:
+    url = cell.http.replace("http", "ws") + "/ws/v2/topics"
+    return connect(url, max_size=None, ping_interval=None)  # on a busy machine the client's pings come late
+
+
 def lower_jack(cell: Cell, driver: Driver) -> None:
     """A body may have sent it up, and another have stopped it on its way: no move is taken meanwhile."""
     driver.request("POST", "/services/jack_down")
-    with connect(cell.http.replace("http", "ws") + "/ws/v2/topics") as socket:
+    with topics_of(cell) as socket:
         socket.send(json.dumps({"enable_topic": "/jack_state"}))
         while json.loads(socket.recv(timeout=30)).get("progress", 1.0) > REACHED:
             pass
