@@ -6,6 +6,7 @@ Peers that found each other through it talk directly: it may die and come back w
 from __future__ import annotations
 
 import argparse
+import asyncio
 import signal
 
 import zenoh
@@ -26,13 +27,18 @@ def main() -> None:
     arguments = parser.parse_args()
     configure_logging("router")
     # An environment made for the services names this very router: only the command line counts here.
-    settings = BusConfig(mode="router", listen=arguments.listen, connect=arguments.connect)
-    signals = {signal.SIGTERM, signal.SIGINT}
-    signal.pthread_sigmask(signal.SIG_BLOCK, signals)  # before Zenoh's threads start, which inherit the mask
+    asyncio.run(route(BusConfig(mode="router", listen=arguments.listen, connect=arguments.connect)))
+
+
+async def route(settings: BusConfig) -> None:
+    """Until SIGTERM or SIGINT; one that comes when the bus has just been announced counts like any other."""
+    stopped = asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        asyncio.get_running_loop().add_signal_handler(number, stopped.set)
     with zenoh.open(settings.zenoh_config()) as session:
         token = session.liveliness().declare_token(ServiceId("router", CELL).key)
-        get_logger(__name__).info("the bus is open", listen=arguments.listen)
-        signal.sigwait(signals)
+        get_logger(__name__).info("the bus is open", listen=settings.listen)
+        await stopped.wait()
         token.undeclare()  # type: ignore[no-untyped-call]
 
 
