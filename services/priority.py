@@ -12,6 +12,7 @@ import struct
 # nobody, a chassis' planner has 40, clients must not hold up what moves, and who looks takes what is left.
 PLANNER, GATEWAY, RECORDER, VIEWER = 5, 10, 10, 19
 SLICE_NS = 200_000  # of those who wake promptly
+REAL_TIME = 1  # the lowest real-time priority: in real time all the same, and before nobody else who is
 _SETATTR = {"x86_64": 314, "aarch64": 274}  # number of the system call sched_setattr, which Python has no name for
 
 
@@ -41,3 +42,22 @@ def wake_promptly() -> bool:
     # struct sched_attr: size, policy, flags, nice, priority, runtime, deadline, period
     attributes = struct.pack("=IIQiIQQQ", 48, os.SCHED_OTHER, 0, nice, 0, SLICE_NS, 0, 0)
     return bool(ctypes.CDLL(None).syscall(number, 0, attributes, 0) == 0)
+
+
+def run_in_real_time() -> bool:
+    """Let this thread run whenever it has something to do, before all that is not in real time; what it starts is not.
+
+    For the thread that keeps a control loop, where the system grants it: to root, with CAP_SYS_NICE, or with an
+    RLIMIT_RTPRIO of at least 1 (``ulimit -r``). Returns False where it does not, on a system other than Linux, and
+    where somebody chose a policy or niceness on purpose. Should the thread never rest, Linux leaves 5 % to all others.
+    Source: sched(7), SCHED_FIFO and SCHED_RESET_ON_FORK.
+    """
+    if platform.system() != "Linux" or os.sched_getscheduler(0) != os.SCHED_OTHER:
+        return False
+    if os.getpriority(os.PRIO_PROCESS, 0) > 0:
+        return False
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(REAL_TIME))
+    except PermissionError:
+        return False
+    return True

@@ -1,4 +1,4 @@
-"""A service that stands back is nice; one that wakes promptly has short slices.
+"""A service that stands back is nice; one that wakes promptly has short slices; a control loop is in real time.
 
 Those are read back from Linux: how long a wake-up takes depends on the machine.
 """
@@ -14,8 +14,8 @@ from collections.abc import Callable
 import pytest
 
 from services import priority
-from services.priority import SLICE_NS, wake_promptly
-from tests.slices import heeded, slice_and_nice
+from services.priority import SLICE_NS, run_in_real_time, wake_promptly
+from tests.scheduling import IN_REAL_TIME, grants_real_time, heeded, in_thread, on_linux, slice_and_nice
 from tests.system.cell import ROOT
 
 
@@ -23,15 +23,6 @@ def test_who_stands_back_has_a_lesser_share() -> None:
     ask = "import os; from services.priority import stand_back; stand_back(7); print(os.nice(0))"
     told = subprocess.run([sys.executable, "-c", ask], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert int(told) == min(os.nice(0) + 7, 19)
-
-
-def in_thread(ask: Callable[[], object]) -> object:
-    """What ``ask`` returns in a thread of its own, since what it changes is the thread's."""
-    answers: list[object] = []
-    thread = threading.Thread(target=lambda: answers.append(ask()))
-    thread.start()
-    thread.join()
-    return answers[0]
 
 
 @heeded
@@ -67,3 +58,37 @@ def test_a_policy_somebody_chose_stays() -> None:
 def test_where_nothing_can_be_asked_nothing_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(priority.platform, "machine", lambda: "unheard-of")
     assert wake_promptly() is False
+
+
+@grants_real_time
+def test_the_thread_is_in_real_time_and_what_it_starts_is_not() -> None:
+    def ask() -> tuple[bool, int, object]:
+        return run_in_real_time(), os.sched_getscheduler(0), in_thread(lambda: os.sched_getscheduler(0))
+
+    assert in_thread(ask) == (True, IN_REAL_TIME, os.SCHED_OTHER)
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
+@on_linux
+def test_without_the_right_to_it_all_stays_as_it_is() -> None:
+    ask = (
+        "import os, resource; from services.priority import run_in_real_time\n"
+        "resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))\n"
+        "if os.geteuid() == 0: os.setuid(65534)\n"
+        "print(run_in_real_time(), os.sched_getscheduler(0) == os.SCHED_OTHER)"
+    )
+    told = subprocess.run([sys.executable, "-c", ask], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert told.split() == ["False", "True"]
+
+
+@on_linux
+@pytest.mark.parametrize(
+    "chosen", [lambda: os.nice(1), lambda: os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))]
+)
+def test_who_was_put_behind_on_purpose_stays_there(chosen: Callable[[], object]) -> None:
+    def ask() -> tuple[bool, bool]:
+        chosen()
+        before = os.sched_getscheduler(0)
+        return run_in_real_time(), os.sched_getscheduler(0) == before
+
+    assert in_thread(ask) == (False, True)

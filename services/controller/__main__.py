@@ -23,7 +23,7 @@ from services.controller.audit_writer import AuditWriter
 from services.controller.controller import Controller
 from services.controller.service import ControllerService
 from services.controller.warm_up import warm_up
-from services.priority import wake_promptly
+from services.priority import run_in_real_time, wake_promptly
 
 log = get_logger(__name__)
 
@@ -95,6 +95,8 @@ def main(
             with Bus(ServiceId("controller", robot)) as bus:
                 bus.handle_signals()
                 keep_what_is_loaded()
+                if not run_in_real_time():
+                    log.info("not allowed to run in real time: on a busy machine ticks may be late (ulimit -r 1)")
                 ControllerService(bus, robot, model.n, controller, audit).run()
         finally:
             planning.shutdown(wait=False, cancel_futures=True)

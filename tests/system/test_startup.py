@@ -14,7 +14,7 @@ import pytest
 
 from services.priority import GATEWAY, PLANNER, SLICE_NS
 from tests.launch.conftest import alive, gone
-from tests.slices import heeded, slice_and_nice
+from tests.scheduling import IN_REAL_TIME, grants_real_time, heeded, slice_and_nice
 from tests.system.cell import ROOT, Cell
 
 SERVICES = {
@@ -69,8 +69,19 @@ def test_what_keeps_a_control_loop_is_let_in_promptly_with_the_threads_of_its_bu
     of_the_bus = [thread for thread, name in threads.items() if name.startswith(("rx-", "tx-"))]
     assert of_the_bus, f"no thread of Zenoh among {sorted(threads.values())}"
     base = os.getpriority(os.PRIO_PROCESS, cell.supervisor.pid)
-    for thread in [cell.pid(service), *of_the_bus]:
+    in_real_time = os.sched_getscheduler(cell.pid(service)) == IN_REAL_TIME
+    for thread in of_the_bus if in_real_time else [cell.pid(service), *of_the_bus]:
         assert slice_and_nice(thread) == (SLICE_NS, base)
+
+
+@grants_real_time
+def test_of_all_threads_the_control_loop_alone_is_in_real_time(cell: Cell) -> None:
+    """The simulator computes as long as it is let at ``--speed max``: it would leave nothing to others."""
+    pids = [cell.pid(service) for service in SERVICES]
+    threads = [int(task.name) for pid in pids for task in Path(f"/proc/{pid}/task").iterdir()]
+    in_real_time = [thread for thread in threads if os.sched_getscheduler(thread) != os.SCHED_OTHER]
+    assert in_real_time == [cell.pid("controller")]
+    assert os.sched_getscheduler(cell.pid("controller")) == IN_REAL_TIME
 
 
 def test_status_tells_the_same(cell: Cell) -> None:
