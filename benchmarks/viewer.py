@@ -24,6 +24,7 @@ from schemas.base import NANOSECONDS
 from schemas.moves import TERMINAL
 from schemas.service import CELL, ServiceId
 from services.launch.child import GUARD
+from services.priority import wake_promptly
 from tests.ports import free_port
 from tests.system.cell import Cell
 from tests.system.driving import Driver
@@ -123,9 +124,11 @@ def compared(
     ):
         work = Work(cell, judge)
         work.for_wall_seconds(segment)  # what is compiled or learnt at first is in neither
+        loop = cell.pid("controller")
         if not in_real_time:
-            os.sched_setscheduler(cell.pid("controller"), os.SCHED_OTHER, os.sched_param(0))
-        elif os.sched_getscheduler(cell.pid("controller")) == os.SCHED_OTHER:
+            os.sched_setscheduler(loop, os.SCHED_OTHER, os.sched_param(0))
+            wake_promptly(loop)
+        elif os.sched_getscheduler(loop) == os.SCHED_OTHER:
             print("  the controller is not allowed to run in real time", file=sys.stderr, flush=True)
 
         def unseen() -> tuple[float, float]:
