@@ -25,8 +25,8 @@ def stand_back(nice: int) -> None:
     os.nice(nice)
 
 
-def wake_promptly(thread: int = 0) -> bool:
-    """Let a thread (0: the caller), and those it starts from now on, run soon after what they wait for has come.
+def wake_promptly() -> bool:
+    """Let this thread, and those it starts from now on, run soon after what they wait for has come.
 
     Who asks Linux for short slices is let in before who computes for long on the same core, which otherwise may go on
     for a whole control period of an arm. This is no priority: shares of the processor stay, and no rights are needed.
@@ -36,12 +36,12 @@ def wake_promptly(thread: int = 0) -> bool:
     Source: sched_setattr(2), ``sched_runtime`` under SCHED_OTHER.
     """
     number = _SETATTR.get(platform.machine()) if platform.system() == "Linux" else None
-    if number is None or os.sched_getscheduler(thread) != os.SCHED_OTHER:
+    if number is None or os.sched_getscheduler(0) != os.SCHED_OTHER:
         return False
-    nice = os.getpriority(os.PRIO_PROCESS, thread)
+    nice = os.getpriority(os.PRIO_PROCESS, 0)
     # struct sched_attr: size, policy, flags, nice, priority, runtime, deadline, period
     attributes = struct.pack("=IIQiIQQQ", 48, os.SCHED_OTHER, 0, nice, 0, SLICE_NS, 0, 0)
-    return bool(ctypes.CDLL(None).syscall(number, thread, attributes, 0) == 0)
+    return bool(ctypes.CDLL(None).syscall(number, 0, attributes, 0) == 0)
 
 
 def run_in_real_time() -> bool:
