@@ -96,7 +96,7 @@ def main(
                 bus.handle_signals()
                 keep_what_is_loaded()
                 if not run_in_real_time():
-                    log.info("not allowed to run in real time: on a busy machine ticks may be late (ulimit -r 1)")
+                    log.info("not in real time: on a busy machine ticks may be late", help="docs/development.md")
                 ControllerService(bus, robot, model.n, controller, audit).run()
         finally:
             planning.shutdown(wait=False, cancel_futures=True)
