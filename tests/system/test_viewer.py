@@ -126,8 +126,8 @@ def test_a_late_viewer_sees_the_whole_scene(tmp_path: Path) -> None:
         driver = Driver(cell, judge)
         wait_until_joined(driver)
         work(driver)
-        later = judge.inspect().clock.stamp + 60 * NANOSECONDS
-        driver.wait(lambda world: world.clock.stamp > later, "a minute has passed")
+        later = judge.inspect().clock.stamp + 120 * NANOSECONDS  # a busy machine draws fewer frames of each second
+        driver.wait(lambda world: world.clock.stamp > later, "two minutes have passed")
         driver.close()
         with native.viewer(cell.viewer_stream) as viewer:
             native.until(lambda: not scene_missing_from(native.entities(viewer)) or None, "everything is there")
