@@ -11,10 +11,12 @@ from io import BytesIO
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
 import pytest
+import rerun as rr
 import rerun_cli
 from PIL import Image
-from rerun.experimental import ViewerClient
+from rerun.experimental import ViewerClient, ViewReport
 
 from tests.ports import free_port
 
@@ -22,6 +24,7 @@ DRIVER = Path("/usr/share/vulkan/icd.d/lvp_icd.x86_64.json")
 RERUN = str(Path(rerun_cli.__file__).with_name("rerun"))
 SILENT = {"CI": "true", "RUST_LOG": "error"}
 PATIENCE = 60.0
+FILLER = 10_000  # bytes of one message
 T = TypeVar("T")
 
 
@@ -39,13 +42,9 @@ def entities(client: ViewerClient) -> set[str]:
     return {entity.entity_path.removeprefix("/") for entity in schema.entities}
 
 
-def span(client: ViewerClient) -> tuple[int, int]:
-    """The first and the last moment that the viewer has, in ns."""
-    state = client.get_state()
-    shown = next(recording for recording in state.recordings if recording.store_id == state.active_recording)
-    (timeline,) = shown.timelines
-    assert timeline.name == "sim_time" and timeline.start is not None and timeline.end is not None
-    return timeline.start, timeline.end
+def reports(client: ViewerClient) -> list[ViewReport]:
+    """What its views cannot show, or doubt."""
+    return [report for view in client.get_state().views for report in view.reports]
 
 
 def colours(png: bytes) -> int:
@@ -54,9 +53,22 @@ def colours(png: bytes) -> int:
         return len(image.convert("RGB").getcolors(1 << 24) or ())
 
 
+def fill(stream: str, run: str, stamp: int, size: int) -> None:
+    """Log so many bytes that nobody looks at into a run: a server of that memory forgets all that was before."""
+    recording = rr.RecordingStream("rackhand", recording_id=run)
+    recording.set_log_time_enabled(False)
+    recording.set_sinks(rr.GrpcSink(stream))
+    recording.set_time("sim_time", duration=np.timedelta64(stamp, "ns"))
+    for _ in range(size // FILLER):
+        recording.log("filler", rr.AnyValues(noise=np.frombuffer(os.urandom(FILLER), np.uint8)))  # not compressible
+    recording.flush(timeout_sec=PATIENCE)
+    recording.disconnect()
+
+
 @contextmanager
 def recording(stream: str, file: Path) -> Iterator[None]:
     """Rerun's own headless recorder on a stream: a viewer that needs nothing to draw with."""
+    file.unlink(missing_ok=True)
     command = [RERUN, stream, "--save", str(file)]
     process = subprocess.Popen(command, env={**os.environ, **SILENT}, stdout=subprocess.DEVNULL)
     try:

@@ -20,6 +20,17 @@ def entities(file: Path) -> set[str]:
     return {chunk.entity_path.removeprefix("/") for chunk in chunks(file) if chunk.num_rows}
 
 
+def end(file: Path) -> int | None:
+    """The last moment in it, in ns; none where nothing in it has a time."""
+    moments = [chunk.to_record_batch()["sim_time"].cast("int64") for chunk in chunks(file) if not chunk.is_static]
+    return max((stamp for column in moments for stamp in column.to_pylist()), default=None)
+
+
+def passing(file: Path) -> set[str]:
+    """The chunks that have a time, by their ids: what a server may forget."""
+    return {chunk.id for chunk in chunks(file) if not chunk.is_static}
+
+
 def poses(file: Path) -> dict[tuple[int, str], Pose]:
     """(stamp, frame) → where it is in its parent."""
     found: dict[tuple[int, str], Pose] = {}
