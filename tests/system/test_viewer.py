@@ -24,9 +24,9 @@ from tests.system.cell import ROOT, Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard
 from tests.viewer import native, reading
+from tests.viewer.native import PATIENCE
 
 CAST = Cast(chassis=("amr1",), arms=("arm1",))
-PATIENCE = 60.0
 MEMORY = 3_000_000  # bytes that the live view keeps where it is to forget
 T = TypeVar("T")
 
@@ -150,11 +150,11 @@ def told(cell: Cell, judge: Judge, file: Path) -> set[str]:
         up_to_date = (reading.end(file) or 0) > present
         return reading.passing(file) if up_to_date and not scene_missing_from(reading.entities(file)) else None
 
-    cell.wait_for(lambda: is_served(cell.viewer) or None, "the live view is served")
+    cell.wait_for(lambda: is_served(cell.viewer) or None, "the live view is served", PATIENCE)
     with native.recording(cell.viewer_stream, file):
-        cell.wait_for(lambda: so_far(reading.end, file), "a reader is told something")
+        cell.wait_for(lambda: so_far(reading.end, file), "a reader is told something", PATIENCE)
         present = judge.inspect().clock.stamp
-        return cell.wait_for(lambda: so_far(whole, file), "a reader has the whole scene")
+        return cell.wait_for(lambda: so_far(whole, file), "a reader has the whole scene", PATIENCE)
 
 
 def test_a_killed_viewer_disturbs_nothing_and_comes_back(tmp_path: Path) -> None:
@@ -168,11 +168,12 @@ def test_a_killed_viewer_disturbs_nothing_and_comes_back(tmp_path: Path) -> None
         former = cell.kill("viewer")
         cell.wait_until_restarted("viewer", former)
         late = tmp_path / "late.rrd"
-        cell.wait_for(lambda: is_served(cell.viewer) or None, "the page is back")
+        cell.wait_for(lambda: is_served(cell.viewer) or None, "the page is back", PATIENCE)
         with native.recording(cell.viewer_stream, late):
             cell.wait_for(
                 lambda: not scene_missing_from(so_far(reading.entities, late) or set()) or None,
                 "the whole scene is back",
+                PATIENCE,
             )
         assert driver.finish(move)["state"] == "succeeded"
         assert {name: cell.pid(name) for name in others} == others
@@ -182,7 +183,7 @@ def test_a_killed_viewer_disturbs_nothing_and_comes_back(tmp_path: Path) -> None
 
 def test_what_is_served_is_for_this_machine_only(tmp_path: Path) -> None:
     with Cell(tmp_path, "--speed", "1", viewer=True) as cell:
-        cell.wait_for(lambda: is_served(cell.viewer) or None, "the page is there")
+        cell.wait_for(lambda: is_served(cell.viewer) or None, "the page is there", PATIENCE)
         ports = {int(urlsplit(url).port or 0) for url in (cell.viewer, cell.viewer_stream)}
         for port in ports:
             assert listeners(port) == {"0100007F"}, "listens on more than 127.0.0.1"
