@@ -80,7 +80,7 @@ def take_arm(cell: Cell, picture: Path) -> None:
         cell.wait_until_there("cell/viewer")
         begun = judge.now()
         draw_with_arm(driver)
-        driver.wait(lambda world: world.clock.stamp * 1e-9 > begun + 5.5, "half of the figure is drawn")
+        driver.wait(lambda world: world.clock.stamp * 1e-9 > begun + 9.0, "half of the figure is drawn")
         photograph(cell, judge, "Arm", picture)
         driver.close()
 
@@ -105,7 +105,7 @@ def draw_with_arm(driver: Driver) -> None:
         ]
         crown.append(pose)
     command(command="lockControl", keepAlive=120.0)
-    command(command="setProfileVelocity", type="task", data=[0.2] * 3 + [1.0] * 3)
+    command(command="setProfileVelocity", type="task", data=[0.12] * 3 + [1.0] * 3)
     command(command="appendPath", type="task", data=crown, method=2, reference=1)
 
 
