@@ -31,7 +31,7 @@ from tests.system.judge import Judge, standard
 
 GOALS = ((9.0, 7.3), (2.5, 7.3))
 MEMORY = "16MB"
-SPEED_PAIRS, SPEED_SEGMENT = 50, 8.0  # each with and without; seconds of wall time of either
+SPEED_PAIRS, SPEED_SEGMENT = 25, 8.0  # each with and without; seconds of wall time of either
 LATE_PAIRS, LATE_SEGMENT = 12, 20.0  # late ticks are few: so they take longer
 DISTURBED = 0.005  # of the processors' time, taken by the machine's host: then ticks are late whatever we do
 TICKS = 60.0 * topics.ARM_COMMAND.rate  # of the controller, a minute at real time

@@ -27,6 +27,7 @@ from tests.viewer import native, reading
 from tests.viewer.native import PATIENCE
 
 CAST = Cast(chassis=("amr1",), arms=("arm1",))
+INSTANTS = 25  # at which a recording is held to what was, at least: how many more there are depends on the load
 MEMORY = 3_000_000  # bytes that the live view keeps where it is to forget
 T = TypeVar("T")
 
@@ -91,8 +92,10 @@ def test_the_recording_of_a_lockstep_run_is_what_was(tmp_path: Path) -> None:
                 wait_until_joined(driver)
                 judge.advance(0.1)
                 work(driver)
-                end = judge.advance(10.0).clock.stamp
-                told = heard_until(truth, end)
+                told: list[Objects] = []
+                for _ in range(INSTANTS):
+                    told += heard_until(truth, judge.advance(0.4).clock.stamp)
+                    wait_until_recorded(cell, file, told[-1].stamp)
         driver.close()
 
     assert not missing_from(reading.entities(file))
@@ -107,7 +110,12 @@ def test_the_recording_of_a_lockstep_run_is_what_was(tmp_path: Path) -> None:
     names = {thing.name for thing in told[-1].objects}
     moved = {name for name in names if len({recorded[key] for key in recorded if key[1] == name}) > 10}
     assert {"amr1", "amr1/wheel_left", "amr1/jack", "arm1/wrist_3_link", "anna"} <= moved
-    assert checked > 50 * len(names) / 5, f"{checked} poses compared"
+    assert checked >= INSTANTS * len(names), f"{checked} poses compared"
+
+
+def wait_until_recorded(cell: Cell, file: Path, stamp: int) -> None:
+    """In a world that stands: what comes meanwhile may never be drawn."""
+    cell.wait_for(lambda: (stamp, "amr1") in (so_far(reading.poses, file) or ()) or None, f"{stamp} is there", PATIENCE)
 
 
 def heard_until(truth: Any, stamp: int) -> list[Objects]:
