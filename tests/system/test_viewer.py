@@ -131,17 +131,18 @@ def heard_until(truth: Any, stamp: int) -> list[Objects]:
 def test_a_late_viewer_sees_the_whole_scene(tmp_path: Path) -> None:
     """Also when the server has forgotten all that an early reader saw."""
     native.need_lavapipe()
-    with Cell(tmp_path, viewer=True, environment={"RACKHAND_VIEWER_MEMORY": f"{MEMORY}B"}) as cell:
-        with Judge(cell.bus) as judge:
-            driver = Driver(cell, judge)
-            wait_until_joined(driver)
-            work(driver)
-            early = late = told(cell, judge, tmp_path / "early.rrd")
-            while early & late:
-                clock = judge.inspect().clock
-                native.fill(cell.viewer_stream, clock.run, clock.stamp, MEMORY)
-                late = told(cell, judge, tmp_path / "late.rrd")
-            driver.close()
+    forgetful = {"RACKHAND_VIEWER_MEMORY": f"{MEMORY}B"}
+    with Cell(tmp_path, viewer=True, environment=forgetful) as cell, Judge(cell.bus) as judge:
+        driver = Driver(cell, judge)
+        wait_until_joined(driver)
+        work(driver)
+        wait_until_served(cell)
+        early = late = told(cell, judge, tmp_path / "early.rrd")
+        while early & late:
+            clock = judge.inspect().clock
+            native.fill(cell.viewer_stream, clock.run, clock.stamp, MEMORY)
+            late = told(cell, judge, tmp_path / "late.rrd")
+        driver.close()
         with native.viewer(cell.viewer_stream) as viewer:
             native.until(lambda: not scene_missing_from(native.entities(viewer)) or None, "everything is there")
             native.until(lambda: native.colours(viewer.take_screenshot()) > 500 or None, "it is drawn")
@@ -158,7 +159,6 @@ def told(cell: Cell, judge: Judge, file: Path) -> set[str]:
         up_to_date = (reading.end(file) or 0) > present
         return reading.passing(file) if up_to_date and not scene_missing_from(reading.entities(file)) else None
 
-    cell.wait_for(lambda: is_served(cell.viewer) or None, "the live view is served", PATIENCE)
     with native.recording(cell.viewer_stream, file):
         cell.wait_for(lambda: so_far(reading.end, file), "a reader is told something", PATIENCE)
         present = judge.inspect().clock.stamp
@@ -175,14 +175,8 @@ def test_a_killed_viewer_disturbs_nothing_and_comes_back(tmp_path: Path) -> None
         driver.wait_until_moving(start.x, start.y)
         former = cell.kill("viewer")
         cell.wait_until_restarted("viewer", former)
-        late = tmp_path / "late.rrd"
-        cell.wait_for(lambda: is_served(cell.viewer) or None, "the page is back", PATIENCE)
-        with native.recording(cell.viewer_stream, late):
-            cell.wait_for(
-                lambda: not scene_missing_from(so_far(reading.entities, late) or set()) or None,
-                "the whole scene is back",
-                PATIENCE,
-            )
+        wait_until_served(cell)
+        told(cell, judge, tmp_path / "late.rrd")
         assert driver.finish(move)["state"] == "succeeded"
         assert {name: cell.pid(name) for name in others} == others
         assert judge.inspect().contact_count == 0
@@ -191,7 +185,7 @@ def test_a_killed_viewer_disturbs_nothing_and_comes_back(tmp_path: Path) -> None
 
 def test_what_is_served_is_for_this_machine_only(tmp_path: Path) -> None:
     with Cell(tmp_path, "--speed", "1", viewer=True) as cell:
-        cell.wait_for(lambda: is_served(cell.viewer) or None, "the page is there", PATIENCE)
+        wait_until_served(cell)
         ports = {int(urlsplit(url).port or 0) for url in (cell.viewer, cell.viewer_stream)}
         for port in ports:
             assert listeners(port) == {"0100007F"}, "listens on more than 127.0.0.1"
@@ -202,6 +196,10 @@ def listeners(port: int) -> set[str]:
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     rows += [line.split() for line in Path("/proc/net/tcp6").read_text().splitlines()[1:]]
     return {row[1].split(":")[0] for row in rows if row[3] == "0A" and int(row[1].split(":")[1], 16) == port}
+
+
+def wait_until_served(cell: Cell) -> None:
+    cell.wait_for(lambda: is_served(cell.viewer) or None, "the page is there", PATIENCE)
 
 
 def is_served(url: str) -> bool:

@@ -18,6 +18,8 @@ import rerun_cli
 from PIL import Image
 from rerun.experimental import ViewerClient, ViewReport
 
+from services.viewer.items import Drawing
+from services.viewer.recording import Recording
 from tests.ports import free_port
 
 DRIVER = Path("/usr/share/vulkan/icd.d/lvp_icd.x86_64.json")
@@ -55,14 +57,11 @@ def colours(png: bytes) -> int:
 
 def fill(stream: str, run: str, stamp: int, size: int) -> None:
     """Log so many bytes that nobody looks at into a run: a server of that memory forgets all that was before."""
-    recording = rr.RecordingStream("rackhand", recording_id=run)
-    recording.set_log_time_enabled(False)
-    recording.set_sinks(rr.GrpcSink(stream))
-    recording.set_time("sim_time", duration=np.timedelta64(stamp, "ns"))
+    recording = Recording(run, [rr.GrpcSink(stream)])
     for _ in range(size // FILLER):
-        recording.log("filler", rr.AnyValues(noise=np.frombuffer(os.urandom(FILLER), np.uint8)))  # not compressible
-    recording.flush(timeout_sec=PATIENCE)
-    recording.disconnect()
+        noise = np.frombuffer(os.urandom(FILLER), np.uint8)  # not compressible
+        recording.write([(stamp, Drawing("filler", (rr.AnyValues(noise=noise),)))])
+    recording.close()
 
 
 @contextmanager
