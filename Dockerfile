@@ -9,7 +9,7 @@ ENV PATH=/venv/bin:$PATH
 FROM python AS dependencies
 WORKDIR /src
 COPY pyproject.toml LICENSE ./
-RUN touch README.md
+RUN touch README.md && mkdir src
 
 FROM dependencies AS build-router
 RUN pip install .
@@ -52,21 +52,21 @@ USER rackhand
 
 FROM runtime AS router
 COPY --from=build-router /venv /venv
-CMD ["python", "-m", "bus.router", "--listen", "tcp/0.0.0.0:7447"]
+CMD ["python", "-m", "rackhand.bus.router", "--listen", "tcp/0.0.0.0:7447"]
 EXPOSE 7447
 
 FROM runtime AS sim
 COPY --from=build-sim /venv /venv
 # Compiled here once, so that no container has to before it is ready.
-RUN python -c "from services.sim.simulation import *; from services.sim.worldfile import load_world; Simulation(load_world('pick_station'), {}, 0)"
-CMD ["python", "-m", "services.sim", "--wait-for", "amr1/planner", "--wait-for", "arm1/controller"]
+RUN python -c "from rackhand.services.sim.simulation import *; from rackhand.services.sim.world.worldfile import load_world; Simulation(load_world('pick_station'), {}, 0)"
+CMD ["python", "-m", "rackhand.services.sim", "--wait-for", "amr1/planner", "--wait-for", "arm1/controller"]
 
 FROM runtime AS planner
 COPY --from=build-planner /venv /venv
 COPY worlds /worlds
 # Compiled here once, so that no container has to before it is ready.
-RUN python -c "from services.planner.navigation import *; ChassisNavigator(NavigationSettings()).warm_up()"
-CMD ["python", "-m", "services.planner", "--robot", "amr1", "--map", "/worlds/warehouse", "--store", "/state/planner.sqlite"]
+RUN python -c "from rackhand.services.planner.behaviors.navigator import *; ChassisNavigator(NavigationSettings()).warm_up()"
+CMD ["python", "-m", "rackhand.services.planner", "--robot", "amr1", "--map", "/worlds/warehouse", "--store", "/state/planner.sqlite"]
 
 FROM runtime AS controller
 # pinocchio wants OpenMP's library, which the slim image lacks.
@@ -76,15 +76,15 @@ RUN python -c "import ctypes; ctypes.CDLL('libgomp.so.1')" 2>/dev/null \
 USER rackhand
 COPY --from=build-controller /venv /venv
 # Compiled here once, so that no container has to before it is ready.
-RUN python -c "from services.controller.warm_up import *; warm_up(ik.load_arm('ur5e'), 4_000_000)"
-CMD ["python", "-m", "services.controller", "--robot", "arm1", "--arm", "ur5e", "--state-dir", "/state"]
+RUN python -c "from rackhand.services.controller.warm_up import *; warm_up(ik.load_arm('ur5e'), 4_000_000)"
+CMD ["python", "-m", "rackhand.services.controller", "--robot", "arm1", "--arm", "ur5e", "--state-dir", "/state"]
 
 FROM runtime AS gateway
 COPY --from=build-gateway /venv /venv
-CMD ["python", "-m", "services.gateway", "--robot", "amr1", "--arm", "arm1", "--host", "0.0.0.0", "--port", "8090"]
+CMD ["python", "-m", "rackhand.services.gateway", "--robot", "amr1", "--arm", "arm1", "--host", "0.0.0.0", "--port", "8090"]
 EXPOSE 8090
 
 FROM runtime AS viewer
 COPY --from=build-viewer /venv /venv
-CMD ["python", "-m", "services.viewer", "--host", "0.0.0.0"]
+CMD ["python", "-m", "rackhand.services.viewer", "--host", "0.0.0.0"]
 EXPOSE 9090 9876

@@ -31,7 +31,7 @@ lint: $(VENV)/.dev
 	@$(BIN)/lint-imports
 
 docs: $(VENV)/.dev
-	@$(BIN)/python -m services.launch.reference README.md docs/*.md
+	@$(BIN)/python -m rackhand.services.launch.reference README.md docs/*.md
 
 bench: $(VENV)/.bench
 	@$(BIN)/python -m benchmarks $(ARGS)

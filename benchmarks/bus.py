@@ -15,12 +15,12 @@ from contextlib import ExitStack
 import zenoh
 
 from benchmarks.report import Report, median, percentile
-from bus import Bus, BusConfig, Sample
-from schemas import topics
-from schemas.base import Pose2, Twist2
-from schemas.chassis import ChassisCommand, Odometry
-from schemas.codec import codec_for
-from schemas.service import WORLD, ServiceId
+from rackhand.bus import Bus, BusConfig, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.base import Pose2, Twist2
+from rackhand.schemas.chassis import ChassisCommand, Odometry
+from rackhand.schemas.codec import codec_for
+from rackhand.schemas.service import WORLD, ServiceId
 from tests.ports import free_port
 
 ROUNDS, PINGS = 20, 150
@@ -45,7 +45,7 @@ PAYLOAD = codec_for(Odometry).dumps(odometry(1))
 def run() -> Report:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     tcp_port = free_port()
-    router = subprocess.Popen([sys.executable, "-m", "bus.router", "--listen", endpoint])
+    router = subprocess.Popen([sys.executable, "-m", "rackhand.bus.router", "--listen", endpoint])
     echo = subprocess.Popen([sys.executable, "-m", "benchmarks.bus", endpoint, str(tcp_port)])
     try:
         with ExitStack() as stack:

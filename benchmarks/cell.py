@@ -12,10 +12,10 @@ from pathlib import Path
 import mujoco
 
 from benchmarks.report import Report
-from schemas.base import NANOSECONDS
-from services.sim.profiles import load_profiles
-from services.sim.simulation import Simulation
-from services.sim.worldfile import World, load_world
+from rackhand.schemas.base import NANOSECONDS
+from rackhand.services.sim.chassis.profiles import load_profiles
+from rackhand.services.sim.simulation import Simulation
+from rackhand.services.sim.world.worldfile import World, load_world
 from tests.ports import free_port
 from tests.system.cell import Cell
 from tests.system.driving import Driver
@@ -71,7 +71,10 @@ def core(world: World) -> float:
 def simulator_alone() -> float:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     environment = {**os.environ, "RACKHAND_BUS_CONNECT": endpoint}
-    commands = (["bus.router", "--listen", endpoint], ["services.sim", "--world", "warehouse", "--speed", "max"])
+    commands = (
+        ["rackhand.bus.router", "--listen", endpoint],
+        ["rackhand.services.sim", "--world", "warehouse", "--speed", "max"],
+    )
     processes = [subprocess.Popen([sys.executable, "-m", *command], env=environment) for command in commands]
     try:
         with Judge(endpoint) as judge:

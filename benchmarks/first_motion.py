@@ -7,10 +7,10 @@ import time
 from pathlib import Path
 
 from benchmarks.report import Report, median, percentile
-from bus import Bus, Sample
-from schemas import topics
-from schemas.base import NANOSECONDS
-from schemas.service import CELL, ServiceId
+from rackhand.bus import Bus, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.service import CELL, ServiceId
 from tests.system.cell import Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard

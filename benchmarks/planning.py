@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse.csgraph import dijkstra
 
-import worlds
 from benchmarks.report import Report, median, percentile
-from schemas.maps import MapData
-from services.planner.map_directory import read_map_directory
-from services.planner.navigation import NavigationSettings
-from services.planner.navigation.footprint import Footprint
-from services.planner.navigation.grid import StaticMap, load_map
-from services.planner.navigation.navigator import LONGEJACK_BODY
-from services.planner.navigation.plan import GlobalPlanner, NoWay, Target
+from rackhand import worlds
+from rackhand.schemas.maps import MapData
+from rackhand.services.planner.behaviors.navigator import LONGEJACK_BODY
+from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.map.directory import read_map_directory
+from rackhand.services.planner.map.grid import StaticMap, load_map
+from rackhand.services.planner.planning.plan import GlobalPlanner, NoWay, Target
+from rackhand.services.planner.settings import NavigationSettings
 
 QUERIES, SEED = 60, 3
 Cell = tuple[int, int]

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.report import Report
-from services.controller.ik import load_arm
-from services.controller.trajectory.curve import JointCurve
-from services.controller.trajectory.geometry import Tolerance, joint_path
-from services.controller.trajectory.model import JointLimits
-from services.controller.trajectory.phase import Smoothing
-from services.controller.trajectory.timing import Planning, plan, rows
+from rackhand.services.controller.ik import load_arm
+from rackhand.services.controller.trajectory.curve import JointCurve
+from rackhand.services.controller.trajectory.geometry import Tolerance, joint_path
+from rackhand.services.controller.trajectory.model import JointLimits
+from rackhand.services.controller.trajectory.phase import Smoothing
+from rackhand.services.controller.trajectory.timing import Planning, plan, rows
 
 Array = NDArray[np.float64]
 

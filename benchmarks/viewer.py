@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Report
-from bus import Bus, BusError, Inbox, Presence, Sample
-from schemas import topics
-from schemas.base import NANOSECONDS
-from schemas.moves import TERMINAL
-from schemas.service import CELL, ServiceId
-from services.launch.child import GUARD
+from rackhand.bus import Bus, BusError, Inbox, Presence, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.moves import TERMINAL
+from rackhand.schemas.service import CELL, ServiceId
+from rackhand.services.launch.child import GUARD
 from tests.ports import free_port
 from tests.scheduling import real_time_is_granted
 from tests.system.cell import Cell
@@ -179,7 +179,7 @@ def viewer(cell: Cell, bus: Bus, memory: str = MEMORY) -> Iterator[int]:
     """The viewer on a cell that runs, in a session of its own as the supervisor would start it; its pid."""
     presence = bus.inbox().watch_services()
     guarded = [sys.executable, str(GUARD), str(os.getpid())]  # a benchmark that is killed leaves no viewer behind
-    command = [*guarded, sys.executable, "-m", "services.viewer", "--memory", memory]
+    command = [*guarded, sys.executable, "-m", "rackhand.services.viewer", "--memory", memory]
     command += ["--web-port", str(free_port()), "--data-port", str(free_port())]
     environment = {**os.environ, "RACKHAND_BUS_CONNECT": cell.bus}
     process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL, process_group=0)

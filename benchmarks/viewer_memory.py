@@ -8,8 +8,8 @@ from pathlib import Path
 
 from benchmarks.report import Report
 from benchmarks.viewer import MEMORY, Work, viewer
-from bus import Bus
-from schemas.service import CELL, ServiceId
+from rackhand.bus import Bus
+from rackhand.schemas.service import CELL, ServiceId
 from tests.system.cell import Cell
 from tests.system.judge import Judge
 

@@ -1,11 +1,11 @@
 """How messages are carried: typed publish, subscribe, query on Zenoh. The only importer of ``zenoh``."""
 
-from bus.config import BusConfig
-from bus.errors import BusError, CallTimeout, Refused, Unavailable
-from bus.inbox import Event, Inbox, Presence, Request
-from bus.newest import Newest
-from bus.samples import Sample
-from bus.session import Bus, Publisher
+from rackhand.bus.config import BusConfig
+from rackhand.bus.errors import BusError, CallTimeout, Refused, Unavailable
+from rackhand.bus.inbox import Event, Inbox, Presence, Request
+from rackhand.bus.newest import Newest
+from rackhand.bus.samples import Sample
+from rackhand.bus.session import Bus, Publisher
 
 __all__ = [
     "Bus",

@@ -1,4 +1,4 @@
-"""``python -m bus.health world/sim``: exit status 0 if that service is on the bus, 1 if not."""
+"""``python -m rackhand.bus.health world/sim``: exit status 0 if that service is on the bus, 1 if not."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import sys
 
 import zenoh
 
-from bus.config import DEFAULT_ROUTER
-from schemas.service import ServiceId
+from rackhand.bus.config import DEFAULT_ROUTER
+from rackhand.schemas.service import ServiceId
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        prog="python -m bus.health", description=__doc__, epilog="example: python -m bus.health amr1/planner"
+        prog="python -m rackhand.bus.health",
+        description=__doc__,
+        epilog="example: python -m rackhand.bus.health amr1/planner",
     )
     parser.add_argument("service", help="ROBOT/SERVICE, as in world/sim, amr1/planner, cell/gateway")
     robot, _, service = parser.parse_args().service.partition("/")

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from bus.attached import stay_attached
-from bus.log import get_logger
-from bus.samples import Malformed, Sample, parse
-from schemas.base import Message
-from schemas.chassis import Refusal
-from schemas.codec import MalformedMessage, codec_for
-from schemas.service import ALIVE_EVERYWHERE, ServiceId
-from schemas.topics import Qos, Query, Topic
+from rackhand.bus.attached import stay_attached
+from rackhand.bus.log import get_logger
+from rackhand.bus.samples import Malformed, Sample, parse
+from rackhand.schemas.base import Message
+from rackhand.schemas.chassis import Refusal
+from rackhand.schemas.codec import MalformedMessage, codec_for
+from rackhand.schemas.service import ALIVE_EVERYWHERE, ServiceId
+from rackhand.schemas.topics import Qos, Query, Topic
 
 if TYPE_CHECKING:
-    from bus.session import Bus
+    from rackhand.bus.session import Bus
 
 log = get_logger(__name__)
 

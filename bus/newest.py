@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from bus.samples import Malformed, Sample, parse, robot_of
-from schemas.codec import Codec, codec_for
-from schemas.topics import Topic
+from rackhand.bus.samples import Malformed, Sample, parse, robot_of
+from rackhand.schemas.codec import Codec, codec_for
+from rackhand.schemas.topics import Topic
 
 if TYPE_CHECKING:
-    from bus.session import Bus
+    from rackhand.bus.session import Bus
 
 RING = 64  # samples of a topic, of all robots, that wait for the next look
 

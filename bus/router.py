@@ -1,4 +1,4 @@
-"""``python -m bus.router``: the meeting point of a cell's services, and the door for everyone else.
+"""``python -m rackhand.bus.router``: the meeting point of a cell's services, and the door for everyone else.
 
 Peers that found each other through it talk directly: it may die and come back without their noticing.
 """
@@ -11,16 +11,16 @@ import signal
 
 import zenoh
 
-from bus.config import DEFAULT_ROUTER, BusConfig
-from bus.log import configure_logging, get_logger
-from schemas.service import CELL, ServiceId
+from rackhand.bus.config import DEFAULT_ROUTER, BusConfig
+from rackhand.bus.log import configure_logging, get_logger
+from rackhand.schemas.service import CELL, ServiceId
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        prog="python -m bus.router",
+        prog="python -m rackhand.bus.router",
         description=__doc__,
-        epilog="example: python -m bus.router --listen tcp/127.0.0.1:7447",
+        epilog="example: python -m rackhand.bus.router --listen tcp/127.0.0.1:7447",
     )
     parser.add_argument("--listen", default=DEFAULT_ROUTER, help="Zenoh end points, comma-separated (%(default)s)")
     parser.add_argument("--connect", default="", help="other routers to join, comma-separated")

@@ -8,9 +8,9 @@ from typing import Any
 
 import zenoh
 
-from bus.log import get_logger
-from schemas.codec import Codec, MalformedMessage
-from schemas.topics import Topic
+from rackhand.bus.log import get_logger
+from rackhand.schemas.codec import Codec, MalformedMessage
+from rackhand.schemas.topics import Topic
 
 log = get_logger(__name__)
 

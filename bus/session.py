@@ -15,15 +15,15 @@ from typing import Any, Generic, TypeVar
 import zenoh
 import zenoh.ext
 
-from bus.config import BusConfig
-from bus.errors import CallTimeout, Refused, Unavailable
-from bus.inbox import Inbox
-from bus.newest import Newest
-from schemas.base import Message
-from schemas.chassis import Refusal
-from schemas.codec import Codec, MalformedMessage, codec_for
-from schemas.service import WORLD, BusStats, ServiceId
-from schemas.topics import BUS_STATS, Qos, Query, Topic
+from rackhand.bus.config import BusConfig
+from rackhand.bus.errors import CallTimeout, Refused, Unavailable
+from rackhand.bus.inbox import Inbox
+from rackhand.bus.newest import Newest
+from rackhand.schemas.base import Message
+from rackhand.schemas.chassis import Refusal
+from rackhand.schemas.codec import Codec, MalformedMessage, codec_for
+from rackhand.schemas.service import WORLD, BusStats, ServiceId
+from rackhand.schemas.topics import BUS_STATS, Qos, Query, Topic
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from schemas.base import Array, Message, Pose2, Stamp, Twist2, Vec2, Vec3
+from rackhand.schemas.base import Array, Message, Pose2, Stamp, Twist2, Vec2, Vec3
 
 ControlMode = Literal["auto", "manual", "remote"]
 

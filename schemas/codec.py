@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 import msgspec
 from pydantic import ValidationError
 
-from schemas.base import Message
+from rackhand.schemas.base import Message
 
 M = TypeVar("M", bound=Message)
 
@@ -34,7 +34,7 @@ class Codec(Generic[M]):
 
     def __init__(self, model: type[M]) -> None:
         self.model = model
-        self.name = f"{model.__module__.removeprefix('schemas.')}.{model.__name__}"
+        self.name = f"{model.__module__.removeprefix('rackhand.schemas.')}.{model.__name__}"
         self.fingerprint = hashlib.sha256(_canonical(model.model_json_schema()).encode()).hexdigest()[:12]
         self.encoding = f"{MEDIA_TYPE};{self.name}@{model.VERSION}#{self.fingerprint}"
 

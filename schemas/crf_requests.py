@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, ConfigDict, FailFast, Field, Strict, model_validator
 from pydantic.alias_generators import to_camel
 
-from schemas.base import Message
-from schemas.orientation import CrfFloat, TaskPose
+from rackhand.schemas.base import Message
+from rackhand.schemas.orientation import CrfFloat, TaskPose
 
 MAX_PRIORITY = 2**32 - 1
 ALIAS_MARK = "#"

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from schemas.base import Message, Stamp, Vec2
+from rackhand.schemas.base import Message, Stamp, Vec2
 
 Overlays = dict[str, Any]
 

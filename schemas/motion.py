@@ -23,10 +23,10 @@ from pydantic import (
 )
 from pydantic.alias_generators import to_pascal
 
-from schemas.base import Array, Message, Quaternion, Stamp, Vec3, Vec6
-from schemas.crf import CrfCode
-from schemas.crf_requests import CrfInt, CrfMessage, CrfVector
-from schemas.orientation import CrfVec6, TaskPose
+from rackhand.schemas.base import Array, Message, Quaternion, Stamp, Vec3, Vec6
+from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.crf_requests import CrfInt, CrfMessage, CrfVector
+from rackhand.schemas.orientation import CrfVec6, TaskPose
 
 T = TypeVar("T")
 

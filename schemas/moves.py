@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 from pydantic import Field
 
-from schemas.base import Array, Message, Pose2, Stamp
+from rackhand.schemas.base import Array, Message, Pose2, Stamp
 
 MoveState = Literal["idle", "moving", "succeeded", "failed", "cancelled"]
 StuckState = Literal["none", "move_stucked", "target_spin_stucked"]

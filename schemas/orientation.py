@@ -23,7 +23,7 @@ from pydantic import (
 from pydantic.alias_generators import to_pascal
 from pydantic_core import CoreSchema, core_schema
 
-from schemas.base import Message
+from rackhand.schemas.base import Message
 
 Matrix3 = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 

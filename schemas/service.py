@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from schemas.base import Message
+from rackhand.schemas.base import Message
 
 WORLD = "world"
 CELL = "cell"

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, TypeVar
 
-from schemas import chassis, maps, motion, moves, service, world
-from schemas.base import Message
-from schemas.service import WORLD
+from rackhand.schemas import chassis, maps, motion, moves, service, world
+from rackhand.schemas.base import Message
+from rackhand.schemas.service import WORLD
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from schemas.base import Array, Message, Pose2, Quaternion, Stamp, Vec3
+from rackhand.schemas.base import Array, Message, Pose2, Quaternion, Stamp, Vec3
 
 
 class Clock(Message):

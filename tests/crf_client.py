@@ -8,7 +8,7 @@ from collections import deque
 from types import TracebackType
 from typing import Any
 
-from schemas.crf_framing import Decoder, Packet, encode
+from rackhand.schemas.crf_framing import Decoder, Packet, encode
 
 PATIENCE = 20.0  # seconds; only ever bounds a failure
 

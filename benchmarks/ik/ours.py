@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.ik.walk import DT, Array
-from services.controller.ik import Arm, DifferentialIk
+from rackhand.services.controller.ik import Arm, DifferentialIk
 
 
 class Ours:

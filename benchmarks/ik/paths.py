@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks.ik.walk import DT, Array, Course
-from services.controller.ik import Arm, forward
+from rackhand.services.controller.ik import Arm, forward
 
 Path = Callable[[float], Array]  # time [s] → pose of the tool (3, 4)
 TURN = 2 * np.pi / 5.0

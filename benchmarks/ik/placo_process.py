@@ -14,7 +14,7 @@ from typing import Any
 from benchmarks.ik.search import Found, Pair
 from benchmarks.ik.urdf import to_urdf
 from benchmarks.ik.walk import Chunk, Course
-from services.controller.ik import Arm
+from rackhand.services.controller.ik import Arm
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = ROOT / ".venv-placo"

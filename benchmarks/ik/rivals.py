@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from benchmarks.ik.urdf import TOOL, to_urdf
 from benchmarks.ik.walk import DT, Array, Controller
-from services.controller.ik import Arm
+from rackhand.services.controller.ik import Arm
 
 Make = Callable[[Arm, float, Array], Controller]
 
@@ -65,7 +65,7 @@ class Mink:
         import mujoco
 
         self.mink, self.dt = mink, dt
-        text = (files("worlds.arms") / f"{arm.name}.xml").read_text(encoding="utf-8")
+        text = (files("rackhand.worlds.arms") / f"{arm.name}.xml").read_text(encoding="utf-8")
         model = mujoco.MjModel.from_xml_string(text)
         self.configuration = mink.Configuration(model, arm.home)
         speeds = dict(zip(arm.joints, velocity.tolist(), strict=True))

@@ -22,7 +22,7 @@ from benchmarks.ik.placo_process import PlacoMissing, PlacoProcess
 from benchmarks.ik.search import ANGULAR, LINEAR, Found, Pair, search_all
 from benchmarks.ik.walk import CHUNK, DT, Array, Chunk, Course, Walker
 from benchmarks.report import Report, Table, median, percentile
-from services.controller.ik import Arm, DifferentialIk, forward, load_arm, solve_pose
+from rackhand.services.controller.ik import Arm, DifferentialIk, forward, load_arm, solve_pose
 
 ARMS = ("ur5e", "fr3")
 PAIRS = 1000
@@ -238,7 +238,7 @@ import json, time
 begun = time.perf_counter()
 import numpy, pinocchio, mujoco
 libraries = time.perf_counter()
-from services.controller.ik import DifferentialIk, load_arm
+from rackhand.services.controller.ik import DifferentialIk, load_arm
 imported = time.perf_counter()
 arm = load_arm("ur5e")
 ik = DifferentialIk(arm, 0.004)

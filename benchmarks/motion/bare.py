@@ -13,7 +13,7 @@ from types import TracebackType
 
 import zenoh
 
-from bus import BusConfig
+from rackhand.bus import BusConfig
 
 PING, PONG = "rackhand/bench/motion/ping", "rackhand/bench/motion/pong"
 SETTINGS = {"express": True, "congestion_control": zenoh.CongestionControl.BLOCK}

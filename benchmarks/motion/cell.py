@@ -13,9 +13,9 @@ from pathlib import Path
 from types import TracebackType
 
 from benchmarks.motion.driver import ARM
-from bus import BusConfig
-from services.controller.ik import load_arm
-from services.launch.processes import Address, CellOptions, Process, cell_processes, read_cast, world_folder
+from rackhand.bus import BusConfig
+from rackhand.services.controller.ik import load_arm
+from rackhand.services.launch.processes import Address, CellOptions, Process, cell_processes, read_cast, world_folder
 from tests.ports import free_port
 
 
@@ -41,7 +41,7 @@ class MotionCell:
             argv[argv.index("--rate") + 1] = str(self._rate)
             argv += ["--keep-alive", "600"]  # nobody refreshes the client's grant
         if row.name == "sim":
-            at = argv.index("services.sim")
+            at = argv.index("rackhand.services.sim")
             argv[at : at + 1] = ["benchmarks.motion.timed_sim", str(self._record)]
         return replace(row, argv=tuple(argv))
 

@@ -11,12 +11,12 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from bus import Bus, Sample
-from schemas import topics
-from schemas.codec import codec_for
-from schemas.motion import ArmCommand, ArmState, FencingToken
-from schemas.service import ServiceId
-from services.controller.ik import load_arm
+from rackhand.bus import Bus, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.codec import codec_for
+from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken
+from rackhand.schemas.service import ServiceId
+from rackhand.services.controller.ik import load_arm
 
 if TYPE_CHECKING:
     from benchmarks.motion.cell import MotionCell

@@ -7,7 +7,7 @@ import sys
 import zenoh
 
 from benchmarks.motion.bare import PING, PONG, SETTINGS
-from bus import BusConfig
+from rackhand.bus import BusConfig
 
 
 def echo(endpoint: str, size: int) -> None:

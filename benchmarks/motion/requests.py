@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 
 from benchmarks.motion.driver import ARM, Driver
-from services.controller.ik import load_arm
+from rackhand.services.controller.ik import load_arm
 
 START = 120.0  # [s] until the cell answers; the very first start compiles
 

@@ -1,5 +1,5 @@
-"""``python -m benchmarks.motion.timed_sim RECORD [arguments of services.sim]``: the simulator, which also notes when it
-publishes an arm state and when it has read the command that answers it, and leaves both in RECORD when it ends.
+"""``python -m benchmarks.motion.timed_sim RECORD [arguments of rackhand.services.sim]``: the simulator, which also notes
+when it publishes an arm state and when it has read the command that answers it, and leaves both in RECORD when it ends.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from bus import Event, Sample
-from schemas import topics
-from schemas.topics import Topic
-from services.sim import __main__ as program
-from services.sim.service import SimService
+from rackhand.bus import Event, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.topics import Topic
+from rackhand.services.sim import __main__ as program
+from rackhand.services.sim.service import SimService
 
 told: dict[int, float] = {}
 answered: dict[int, float] = {}
@@ -38,6 +38,6 @@ if __name__ == "__main__":
     record = Path(sys.argv.pop(1))
     program.SimService = TimedSim  # type: ignore[misc]
     try:
-        program.app(prog_name="python -m services.sim")
+        program.app(prog_name="python -m rackhand.services.sim")
     finally:
         record.write_text(json.dumps({"told": list(told.items()), "answered": list(answered.items())}))

@@ -1,4 +1,4 @@
-"""``python -m services.controller``: the motion controller of one arm."""
+"""``python -m rackhand.services.controller``: the motion controller of one arm."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from typing import Annotated
 
 import typer
 
-from bus import Bus
-from bus.log import configure_logging, get_logger
-from bus.memory import keep_what_is_loaded
-from schemas.crf_requests import OPTIONAL_COMMANDS
-from schemas.service import ServiceId
-from services.controller import ik
-from services.controller.access_audit import AuditLog
-from services.controller.access_types import SECOND, AccessConfig
-from services.controller.audit_writer import AuditWriter
-from services.controller.controller import Controller
-from services.controller.service import ControllerService
-from services.controller.warm_up import warm_up
-from services.priority import run_in_real_time, wake_promptly
+from rackhand.bus import Bus
+from rackhand.bus.log import configure_logging, get_logger
+from rackhand.runtime.memory import keep_what_is_loaded
+from rackhand.runtime.priority import run_in_real_time, wake_promptly
+from rackhand.schemas.crf_requests import OPTIONAL_COMMANDS
+from rackhand.schemas.service import ServiceId
+from rackhand.services.controller import ik
+from rackhand.services.controller.access.audit import AuditLog
+from rackhand.services.controller.access.audit_writer import AuditWriter
+from rackhand.services.controller.access.types import SECOND, AccessConfig
+from rackhand.services.controller.controller import Controller
+from rackhand.services.controller.service import ControllerService
+from rackhand.services.controller.warm_up import warm_up
 
 log = get_logger(__name__)
 
@@ -35,11 +35,11 @@ Moves one arm as CRF commands ask.
 
 Examples:
 
-  python -m services.controller --robot arm1 --arm ur5e
+  python -m rackhand.services.controller --robot arm1 --arm ur5e
 
-  python -m services.controller --robot arm2 --arm fr3 --rate 500 --strict-crf
+  python -m rackhand.services.controller --robot arm2 --arm fr3 --rate 500 --strict-crf
 
-  python -m services.controller --without setVelocity --without setTorque
+  python -m rackhand.services.controller --without setVelocity --without setTorque
 
 In a cell, RACKHAND_CONTROLLER_STRICT_CRF=1 and RACKHAND_CONTROLLER_WITHOUT="setVelocity setTorque" say the same.
 """

@@ -14,37 +14,30 @@ from typing import Any
 
 import numpy as np
 
-from schemas import crf_requests as crf
-from schemas.base import Message
-from schemas.crf import CrfCode
-from schemas.motion import (
-    ArmCommand,
-    ArmState,
-    ControlInfo,
-    Expected,
-    MotionEvent,
-    MotionStatus,
-)
-from services.controller import ik
-from services.controller.access import Access
-from services.controller.access_hop import LastHop
-from services.controller.access_streams import StreamGuard, StreamSample
-from services.controller.access_types import AccessConfig, ContinueMotion, Order, StopMotion
-from services.controller.motion.loop_watch import LoopWatch
-from services.controller.motion.meter import Stopwatch, no_stopwatch
-from services.controller.motion.mover import Mover, Reference
-from services.controller.motion.parameters import ParametersRefused
-from services.controller.motion.planner import Answered, PathPlanner
-from services.controller.motion.profile import configuration
-from services.controller.motion.status import Observer, StatusCodes
-from services.controller.motion.way_points import append_joints, append_task
-from services.controller.output import Output
-from services.controller.protocol.answers import encode, error
-from services.controller.protocol.checks import parameters_of
-from services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
-from services.controller.protocol.parse import Parsed, parse
-from services.controller.protocol.reading import LONG, Reading, ReadingRoom
-from services.controller.trajectory.model import Array, PathRefused
+from rackhand.schemas import crf_requests as crf
+from rackhand.schemas.base import Message
+from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.motion import ArmCommand, ArmState, ControlInfo, Expected, MotionEvent, MotionStatus
+from rackhand.services.controller import ik
+from rackhand.services.controller.access.access import Access
+from rackhand.services.controller.access.hop import LastHop
+from rackhand.services.controller.access.streams import StreamGuard, StreamSample
+from rackhand.services.controller.access.types import AccessConfig, ContinueMotion, Order, StopMotion
+from rackhand.services.controller.motion.executor import Mover, Reference
+from rackhand.services.controller.motion.loop_watch import LoopWatch
+from rackhand.services.controller.motion.meter import Stopwatch, no_stopwatch
+from rackhand.services.controller.motion.parameters import ParametersRefused
+from rackhand.services.controller.motion.plan_worker import Answered, PathPlanner
+from rackhand.services.controller.motion.profile import configuration
+from rackhand.services.controller.motion.status import Observer, StatusCodes
+from rackhand.services.controller.motion.waypoints import append_joints, append_task
+from rackhand.services.controller.output import Output
+from rackhand.services.controller.protocol.answers import encode, error
+from rackhand.services.controller.protocol.checks import parameters_of
+from rackhand.services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
+from rackhand.services.controller.protocol.parse import Parsed, parse
+from rackhand.services.controller.protocol.reading import LONG, Reading, ReadingRoom
+from rackhand.services.controller.trajectory.model import Array, PathRefused
 
 STATUS_PERIOD_NS = 40_000_000
 STANDSTILL = 0.05  # rad/s measured

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from schemas.motion import MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
-from services.controller.access_types import AuditEntry
+from rackhand.schemas.motion import MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
+from rackhand.services.controller.access.types import AuditEntry
 
 
 @dataclass

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from bus import Bus, Event, Inbox, Presence, Refused, Request, Sample, Unavailable
-from bus.driver_link import DriverLink
-from bus.errors import CallTimeout
-from bus.log import get_logger
-from schemas import topics
-from schemas.motion import ArmCommand, ArmState, CrfAnswer, MotionStream
-from schemas.service import WORLD, ServiceId
-from schemas.world import Join, WorldRequest
-from services.controller.audit_writer import AuditWriter
-from services.controller.controller import Controller
+from rackhand.bus import Bus, Event, Inbox, Presence, Refused, Request, Sample, Unavailable
+from rackhand.bus.errors import CallTimeout
+from rackhand.bus.log import get_logger
+from rackhand.runtime.driver_link import DriverLink
+from rackhand.schemas import topics
+from rackhand.schemas.motion import ArmCommand, ArmState, CrfAnswer, MotionStream
+from rackhand.schemas.service import WORLD, ServiceId
+from rackhand.schemas.world import Join, WorldRequest
+from rackhand.services.controller.access.audit_writer import AuditWriter
+from rackhand.services.controller.controller import Controller
 
 log = get_logger(__name__)
 

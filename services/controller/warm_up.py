@@ -6,9 +6,9 @@ import json
 from concurrent.futures import Executor, Future
 from typing import Any
 
-from schemas.motion import ArmState
-from services.controller import ik
-from services.controller.controller import Controller
+from rackhand.schemas.motion import ArmState
+from rackhand.services.controller import ik
+from rackhand.services.controller.controller import Controller
 
 
 class Inline(Executor):

@@ -1,4 +1,4 @@
-"""``python -m services.gateway``."""
+"""``python -m rackhand.services.gateway``."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Annotated, Any
 import typer
 from pydantic import ValidationError
 
-from schemas.codec import explain
-from services.gateway.service import run
-from services.gateway.settings import Settings, parse_service
-from services.priority import GATEWAY, stand_back
+from rackhand.runtime.priority import GATEWAY, stand_back
+from rackhand.schemas.codec import explain
+from rackhand.services.gateway.service import run
+from rackhand.services.gateway.settings import Settings, parse_service
 
 EPILOG = """Examples:\n
-  python -m services.gateway\n
-  python -m services.gateway --robot amr2 --port 8091\n
-  python -m services.gateway --host 0.0.0.0 --expect amr1/planner --expect world/sim\n
-  python -m services.gateway --arm arm1 --crf-port arm1=5000\n
+  python -m rackhand.services.gateway\n
+  python -m rackhand.services.gateway --robot amr2 --port 8091\n
+  python -m rackhand.services.gateway --host 0.0.0.0 --expect amr1/planner --expect world/sim\n
+  python -m rackhand.services.gateway --arm arm1 --crf-port arm1=5000\n
 Everything else is set in the environment, as in RACKHAND_GATEWAY_SECRET=… or RACKHAND_GATEWAY_SERVICE_STATUS=201.
 """
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -8,15 +8,15 @@ from typing import Annotated, Any, Protocol, TypeVar, cast
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
-from bus import Refused
-from schemas.base import Message
-from schemas.codec import MalformedMessage, codec_for
-from schemas.topics import Query
-from services.gateway.broadcast import Hub
-from services.gateway.errors import BadRequest
-from services.gateway.motion_hub import MotionHub
-from services.gateway.settings import Settings
-from services.gateway.state import State
+from rackhand.bus import Refused
+from rackhand.schemas.base import Message
+from rackhand.schemas.codec import MalformedMessage, codec_for
+from rackhand.schemas.topics import Query
+from rackhand.services.gateway.crf.hub import MotionHub
+from rackhand.services.gateway.http.errors import BadRequest
+from rackhand.services.gateway.settings import Settings
+from rackhand.services.gateway.state import State
+from rackhand.services.gateway.ws.broadcast import Hub
 
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)

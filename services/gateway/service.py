@@ -13,20 +13,20 @@ from functools import partial
 import uvicorn
 import uvloop
 
-from bus import Bus, Inbox
-from bus.log import configure_logging, get_logger
-from schemas import topics
-from schemas.motion import SessionGone
-from schemas.service import CELL, ServiceId
-from services.gateway import motion_hub
-from services.gateway.app import create_app
-from services.gateway.broadcast import Hub
-from services.gateway.context import Context
-from services.gateway.crf_tcp import CrfPort
-from services.gateway.crf_text import MAX_FRAME
-from services.gateway.motion_hub import MotionHub
-from services.gateway.settings import Settings
-from services.gateway.state import HEARD, State
+from rackhand.bus import Bus, Inbox
+from rackhand.bus.log import configure_logging, get_logger
+from rackhand.schemas import topics
+from rackhand.schemas.motion import SessionGone
+from rackhand.schemas.service import CELL, ServiceId
+from rackhand.services.gateway.context import Context
+from rackhand.services.gateway.crf import hub as motion_hub
+from rackhand.services.gateway.crf.hub import MotionHub
+from rackhand.services.gateway.crf.tcp import CrfPort
+from rackhand.services.gateway.crf.text import MAX_FRAME
+from rackhand.services.gateway.http.app import create_app
+from rackhand.services.gateway.settings import Settings
+from rackhand.services.gateway.state import HEARD, State
+from rackhand.services.gateway.ws.broadcast import Hub
 
 log = get_logger(__name__)
 

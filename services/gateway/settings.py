@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from schemas.service import CELL, WORLD, ServiceId
+from rackhand.schemas.service import CELL, WORLD, ServiceId
 
 # Hz of wall time, as measured on a real Longjack; the pose as its makers promise it. Others go out at DEFAULT_RATE.
 RATES = {

@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from bus import Event, Presence, Sample
-from schemas import topics
-from schemas.base import NANOSECONDS, Message
-from schemas.chassis import LocalisedPose, Odometry, Scan
-from schemas.service import ServiceId
-from services.gateway.topics import CHANGED_BY, PAYLOADS, Facts, Payload
+from rackhand.bus import Event, Presence, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.base import NANOSECONDS, Message
+from rackhand.schemas.chassis import LocalisedPose, Odometry, Scan
+from rackhand.schemas.service import ServiceId
+from rackhand.services.gateway.ws.topics import CHANGED_BY, PAYLOADS, Facts, Payload
 
 ACCELERATION_SPAN_NS = NANOSECONDS // 10
 

@@ -1,5 +1,5 @@
-"""``python -m services.launch`` is the ``rackhand`` command."""
+"""``python -m rackhand.services.launch`` is the ``rackhand`` command."""
 
-from services.launch.cli import main
+from rackhand.services.launch.cli import main
 
 main()

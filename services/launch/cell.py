@@ -12,12 +12,20 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import worlds
-from services.launch.health import Health, ask_health
-from services.launch.ports import in_the_way, with_port
-from services.launch.processes import WORLD_FILE, Address, CellOptions, Process, cell_processes, read_cast, world_folder
-from services.launch.supervisor import Supervisor
-from services.launch.viewing import with_viewer
+from rackhand import worlds
+from rackhand.services.launch.health import Health, ask_health
+from rackhand.services.launch.ports import in_the_way, with_port
+from rackhand.services.launch.processes import (
+    WORLD_FILE,
+    Address,
+    CellOptions,
+    Process,
+    cell_processes,
+    read_cast,
+    world_folder,
+)
+from rackhand.services.launch.supervisor import Supervisor
+from rackhand.services.launch.viewing import with_viewer
 
 CELL_FILE = "cell.json"
 MAX_PORT = 65535

@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from services.launch.output import copy_lines
-from services.launch.processes import Process
+from rackhand.services.launch.output import copy_lines
+from rackhand.services.launch.processes import Process
 
 GUARD = Path(__file__).with_name("guard.py")
 LAST_WORDS = 1.0  # seconds to read what an ended process has left in its pipe

@@ -11,12 +11,12 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from services.launch import reference
-from services.launch.cell import CELL_FILE, CannotStart, run_cell
-from services.launch.health import Health, ask_health
-from services.launch.motion import CannotAsk, send_command
-from services.launch.processes import Address, CellOptions
-from services.launch.viewing import CannotView, open_viewer, record_cell
+from rackhand.services.launch import reference
+from rackhand.services.launch.cell import CELL_FILE, CannotStart, run_cell
+from rackhand.services.launch.health import Health, ask_health
+from rackhand.services.launch.motion import CannotAsk, send_command
+from rackhand.services.launch.processes import Address, CellOptions
+from rackhand.services.launch.viewing import CannotView, open_viewer, record_cell
 
 DEFAULTS = CellOptions()
 DEFAULT_VIEWER = Address("127.0.0.1", 9090)
@@ -203,7 +203,7 @@ def topics(
 )
 def world(context: typer.Context) -> None:
     """Worlds: list them, make the map of one, make one from data. `rackhand world --help` tells more."""
-    command = [sys.executable, "-m", "services.sim.worlds", *context.args]
+    command = [sys.executable, "-m", "rackhand.services.sim.world.commands", *context.args]
     raise typer.Exit(subprocess.run(command, check=False).returncode)
 
 

@@ -6,7 +6,7 @@ import random
 import socket
 from dataclasses import replace
 
-from services.launch.processes import Address
+from rackhand.services.launch.processes import Address
 
 # Below what Linux hands out itself: a service that listens anywhere, or connects, may take one that is not in use yet.
 QUIET = range(20_000, 32_768)

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-import worlds
+from rackhand import worlds
 
 WORLD_FILE = "world.yaml"
 CONTROLLER_RATE = 250  # Hz
@@ -103,15 +103,15 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
     return (
         Process(
             "router",
-            _module("bus.router", *_router_arguments(options, environment.get("RACKHAND_BUS_CONNECT", ""))),
+            _module("rackhand.bus.router", *_router_arguments(options, environment.get("RACKHAND_BUS_CONNECT", ""))),
             listens=options.bus,
             option="--bus-port",
         ),
-        Process("sim", _module("services.sim", *_sim_arguments(options, cast)), needs=("router",), env=bus),
+        Process("sim", _module("rackhand.services.sim", *_sim_arguments(options, cast)), needs=("router",), env=bus),
         *(
             Process(
                 _row_name("planner", robot, cast.chassis),
-                _module("services.planner", *_planner_arguments(options, robot)),
+                _module("rackhand.services.planner", *_planner_arguments(options, robot)),
                 needs=("router",),
                 env=bus,
             )
@@ -120,7 +120,7 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
         *(
             Process(
                 _row_name("controller", arm, cast.arms),
-                _module("services.controller", *_controller_arguments(options, arm, kind)),
+                _module("rackhand.services.controller", *_controller_arguments(options, arm, kind)),
                 needs=("router",),
                 env=bus,
             )
@@ -128,7 +128,7 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
         ),
         Process(
             "gateway",
-            _module("services.gateway", *_gateway_arguments(options, cast)),
+            _module("rackhand.services.gateway", *_gateway_arguments(options, cast)),
             needs=("router",),
             listens=options.http,
             option="--port",
@@ -144,7 +144,7 @@ def _viewer(options: CellOptions, bus: Mapping[str, str]) -> tuple[Process, ...]
         return ()
     page, data = options.viewer, options.viewer_data
     arguments = ("--host", page.host, "--web-port", str(page.port), "--data-port", str(data.port))
-    command = _module("services.viewer", *arguments)
+    command = _module("rackhand.services.viewer", *arguments)
     return (Process("viewer", command, ("router",), page, "--viewer-port", env=bus, optional=True),)
 
 

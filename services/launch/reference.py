@@ -10,11 +10,11 @@ from typing import Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from schemas import crf_requests as crf
-from schemas.base import Message
-from schemas.fail_reasons import MoveFailReason
-from schemas.motion import RefusalDetail
-from schemas.topics import QUERIES, TOPICS
+from rackhand.schemas import crf_requests as crf
+from rackhand.schemas.base import Message
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.motion import RefusalDetail
+from rackhand.schemas.topics import QUERIES, TOPICS
 
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
@@ -136,11 +136,11 @@ def _shown(key: str) -> str:
 
 
 def _type(model: type[Message]) -> str:
-    return f"`{model.__module__.removeprefix('schemas.')}.{model.__name__}`"
+    return f"`{model.__module__.removeprefix('rackhand.schemas.')}.{model.__name__}`"
 
 
 def main() -> None:
-    """``python -m services.launch.reference FILE…`` renews the generated blocks of Markdown pages in place."""
+    """``python -m rackhand.services.launch.reference FILE…`` renews the generated blocks of Markdown pages in place."""
     for name in sys.argv[1:]:
         page = Path(name)
         old = page.read_text(encoding="utf-8")

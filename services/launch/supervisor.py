@@ -8,10 +8,10 @@ from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from services.launch.child import Child, describe_exit
-from services.launch.output import Output
-from services.launch.processes import Address, Process
-from services.launch.restarts import GiveUp, History, RestartPolicy, after_exit
+from rackhand.services.launch.child import Child, describe_exit
+from rackhand.services.launch.output import Output
+from rackhand.services.launch.processes import Address, Process
+from rackhand.services.launch.restarts import GiveUp, History, RestartPolicy, after_exit
 
 SELF = "launch"
 GRACE = 5.0  # seconds between "please end" and the kill

@@ -9,8 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
-from services.launch.ports import in_the_way, with_port
-from services.launch.processes import CellOptions
+from rackhand.services.launch.ports import in_the_way, with_port
+from rackhand.services.launch.processes import CellOptions
 
 # Rerun phones home, but for machines of continuous integration.
 SILENT = {"CI": "true"}
@@ -39,7 +39,7 @@ def record_cell(file: Path, bus: str | None) -> NoReturn:
     if not file.parent.is_dir():
         raise CannotView(f"there is no folder {file.parent}")
     environment = {"RACKHAND_BUS_CONNECT": bus} if bus is not None else {}
-    _become([sys.executable, "-m", "services.viewer", "--no-serve", "--save", str(file)], environment)
+    _become([sys.executable, "-m", "rackhand.services.viewer", "--no-serve", "--save", str(file)], environment)
 
 
 def open_viewer(file: Path | None, stream: str | None) -> NoReturn:

@@ -1,4 +1,4 @@
-"""``python -m services.planner``: the planner of one chassis."""
+"""``python -m rackhand.services.planner``: the planner of one chassis."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from typing import Annotated
 
 import typer
 
-from bus import Bus
-from bus.log import configure_logging, get_logger
-from bus.memory import keep_what_is_loaded
-from schemas.service import ServiceId
-from services.planner.chassis import Chassis, ChassisSettings
-from services.planner.database import Database
-from services.planner.errors import StoreError
-from services.planner.map_directory import MapDirectoryError, read_map_directory
-from services.planner.map_store import MapStore
-from services.planner.modes import RemoteLimits
-from services.planner.move_store import HISTORY_LIMIT, MoveStore
-from services.planner.navigation import ChassisNavigator, NavigationSettings
-from services.planner.service import PlannerService
-from services.priority import PLANNER, stand_back
+from rackhand.bus import Bus
+from rackhand.bus.log import configure_logging, get_logger
+from rackhand.runtime.memory import keep_what_is_loaded
+from rackhand.runtime.priority import PLANNER, stand_back
+from rackhand.schemas.service import ServiceId
+from rackhand.services.planner.behaviors.navigator import ChassisNavigator
+from rackhand.services.planner.chassis import Chassis, ChassisSettings
+from rackhand.services.planner.database import Database
+from rackhand.services.planner.errors import StoreError
+from rackhand.services.planner.map.directory import MapDirectoryError, read_map_directory
+from rackhand.services.planner.map.store import MapStore
+from rackhand.services.planner.modes import RemoteLimits
+from rackhand.services.planner.moves.records import HISTORY_LIMIT, MoveStore
+from rackhand.services.planner.service import PlannerService
+from rackhand.services.planner.settings import NavigationSettings
 
 log = get_logger(__name__)
 
@@ -30,9 +31,9 @@ Plans and drives the moves of one chassis.
 
 Examples:
 
-  python -m services.planner --robot amr1 --map worlds/warehouse
+  python -m rackhand.services.planner --robot amr1 --map worlds/warehouse
 
-  python -m services.planner --robot amr2 --store /var/lib/rackhand/amr2.sqlite --max-forward-velocity 0.8
+  python -m rackhand.services.planner --robot amr2 --store /var/lib/rackhand/amr2.sqlite --max-forward-velocity 0.8
 """
 
 

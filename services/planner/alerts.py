@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from schemas.chassis import Alert
-from services.planner.sensing import QUALITY_LOST, Sensed
+from rackhand.schemas.chassis import Alert
+from rackhand.services.planner.perception.chassis_state import QUALITY_LOST, Sensed
 
 STUCK = 1007
 MAP_INFO_BAD = 1009

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from schemas.base import NANOSECONDS, Message, Pose2, Twist2
-from schemas.chassis import (
+from rackhand.schemas.base import NANOSECONDS, Message, Pose2, Twist2
+from rackhand.schemas.chassis import (
     ChassisCommand,
     ChassisModel,
     ChassisRequest,
@@ -22,21 +22,30 @@ from schemas.chassis import (
     SetEmergencyStop,
     SetPose,
 )
-from schemas.fail_reasons import MoveFailReason
-from schemas.maps import MapReply, MapRequest
-from schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, MoveCreate, MoveReply, MoveRequest, PlanningState
-from schemas.world import Clock
-from services.planner.alerts import active_alerts
-from services.planner.errors import RequestRefused
-from services.planner.interface import STANDSTILL, MoveFailed, Navigator, Observation, Progress
-from services.planner.jacking import JackOrders
-from services.planner.map_desk import MapDesk
-from services.planner.map_store import MapStore
-from services.planner.modes import Modes, RemoteLimits, ramp
-from services.planner.moves import EndState, MoveBook, MoveRecords
-from services.planner.reports import Publication, Reports
-from services.planner.runner import PATIENCE_NS, MoveRunner
-from services.planner.sensing import Sensed
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.maps import MapReply, MapRequest
+from rackhand.schemas.moves import (
+    CancelMove,
+    CreateMove,
+    GetMove,
+    ListMoves,
+    MoveCreate,
+    MoveReply,
+    MoveRequest,
+    PlanningState,
+)
+from rackhand.schemas.world import Clock
+from rackhand.services.planner.alerts import active_alerts
+from rackhand.services.planner.behaviors.interface import STANDSTILL, MoveFailed, Navigator, Observation, Progress
+from rackhand.services.planner.behaviors.runner import PATIENCE_NS, MoveRunner
+from rackhand.services.planner.errors import RequestRefused
+from rackhand.services.planner.jacking import JackOrders
+from rackhand.services.planner.map.service import MapDesk
+from rackhand.services.planner.map.store import MapStore
+from rackhand.services.planner.modes import Modes, RemoteLimits, ramp
+from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
+from rackhand.services.planner.perception.chassis_state import Sensed
+from rackhand.services.planner.reports import Publication, Reports
 
 PERIOD_NS = 40_000_000  # between commands
 AT_REST = 0.01  # m/s and rad/s: a command below it is none

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
-from services.planner.errors import StoreError
+from rackhand.services.planner.errors import StoreError
 
 APPLICATION_ID = 0x524B4850  # "RKHP": SQLite's own place for "whose file is this"
 SCHEMA_VERSION = 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class RequestRefused(Exception):
-    """A request that is not carried out. ``code`` is one of ``schemas.chassis.Refusal``; the text says why."""
+    """A request that is not carried out. ``code`` is one of ``rackhand.schemas.chassis.Refusal``; the text says why."""
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(f"{code}: {text}")

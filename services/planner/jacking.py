@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas.base import NANOSECONDS
-from schemas.chassis import Jack
-from services.planner.errors import RequestRefused
+from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.chassis import Jack
+from rackhand.services.planner.errors import RequestRefused
 
 Direction = Literal["up", "down"]
 REACHED = 0.001

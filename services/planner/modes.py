@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.base import NANOSECONDS, Twist2
-from schemas.chassis import ControlMode
-from services.planner.errors import RequestRefused
-from services.planner.interface import STANDSTILL
+from rackhand.schemas.base import NANOSECONDS, Twist2
+from rackhand.schemas.chassis import ControlMode
+from rackhand.services.planner.behaviors.interface import STANDSTILL
+from rackhand.services.planner.errors import RequestRefused
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from schemas import topics
-from schemas.base import NANOSECONDS, Message
-from schemas.chassis import ChassisStatus, Costmap
-from schemas.maps import CurrentMap, MapData
-from schemas.moves import MoveEvent, PlannedPath, PlanningState
-from schemas.topics import Topic
-from services.planner.interface import Progress
+from rackhand.schemas import topics
+from rackhand.schemas.base import NANOSECONDS, Message
+from rackhand.schemas.chassis import ChassisStatus, Costmap
+from rackhand.schemas.maps import CurrentMap, MapData
+from rackhand.schemas.moves import MoveEvent, PlannedPath, PlanningState
+from rackhand.schemas.topics import Topic
+from rackhand.services.planner.behaviors.interface import Progress
 
 PERIOD_NS = NANOSECONDS // 5
 COSTMAP_PERIOD_NS = NANOSECONDS

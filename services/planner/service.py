@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from bus import Bus, Event, Inbox, Presence, Refused, Request, Sample, Unavailable
-from bus.driver_link import DriverLink
-from bus.errors import CallTimeout
-from bus.log import get_logger
-from schemas import topics
-from schemas.base import Message
-from schemas.chassis import ChassisCommand
-from schemas.service import WORLD, ServiceId
-from schemas.topics import Query, Topic
-from schemas.world import Join, WorldRequest
-from services.planner.chassis import PERIOD_NS, Chassis
-from services.planner.errors import RequestRefused
+from rackhand.bus import Bus, Event, Inbox, Presence, Refused, Request, Sample, Unavailable
+from rackhand.bus.errors import CallTimeout
+from rackhand.bus.log import get_logger
+from rackhand.runtime.driver_link import DriverLink
+from rackhand.schemas import topics
+from rackhand.schemas.base import Message
+from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.service import WORLD, ServiceId
+from rackhand.schemas.topics import Query, Topic
+from rackhand.schemas.world import Join, WorldRequest
+from rackhand.services.planner.chassis import PERIOD_NS, Chassis
+from rackhand.services.planner.errors import RequestRefused
 
 log = get_logger(__name__)
 

@@ -1,4 +1,4 @@
-"""``python -m services.sim``: run a world, or work on worlds (``map``, ``from-barn``, ``list``)."""
+"""``python -m rackhand.services.sim``: run a world, or work on worlds (``map``, ``from-barn``, ``list``)."""
 
 from __future__ import annotations
 
@@ -8,35 +8,35 @@ from typing import Annotated
 
 import typer
 
-from bus import Bus
-from bus.log import configure_logging
-from bus.memory import keep_what_is_loaded
-from schemas.service import WORLD, ServiceId
-from services.priority import wake_promptly
-from services.sim.errors import WorldFileError
-from services.sim.noise import NoiseSettings
-from services.sim.pacing import Pacer
-from services.sim.profiles import load_profiles
-from services.sim.service import SimService
-from services.sim.session import Run, Session
-from services.sim.simulation import Simulation
-from services.sim.worldfile import load_world
-from services.sim.worlds import add_commands
+from rackhand.bus import Bus
+from rackhand.bus.log import configure_logging
+from rackhand.runtime.memory import keep_what_is_loaded
+from rackhand.runtime.priority import wake_promptly
+from rackhand.schemas.service import WORLD, ServiceId
+from rackhand.services.sim.chassis.noise import NoiseSettings
+from rackhand.services.sim.chassis.profiles import load_profiles
+from rackhand.services.sim.errors import WorldFileError
+from rackhand.services.sim.pacing import Pacer
+from rackhand.services.sim.service import SimService
+from rackhand.services.sim.session import Run, Session
+from rackhand.services.sim.simulation import Simulation
+from rackhand.services.sim.world.commands import add_commands
+from rackhand.services.sim.world.worldfile import load_world
 
 _HELP = """
 The world in physics, on the bus: chassis, racks, people, sensors.
 
 Examples:
 
-  python -m services.sim --world warehouse
+  python -m rackhand.services.sim --world warehouse
 
-  python -m services.sim --world warehouse --speed max --lockstep --seed 7 --wait-for amr1/planner
+  python -m rackhand.services.sim --world warehouse --speed max --lockstep --seed 7 --wait-for amr1/planner
 
-  python -m services.sim --world ./my_world --speed 0.5 --paused
+  python -m rackhand.services.sim --world ./my_world --speed 0.5 --paused
 
-  python -m services.sim --world empty --profile jackal --noise 0
+  python -m rackhand.services.sim --world empty --profile jackal --noise 0
 
-  python -m services.sim map warehouse
+  python -m rackhand.services.sim map warehouse
 """
 
 app = typer.Typer(help=_HELP, invoke_without_command=True, no_args_is_help=False, rich_markup_mode="markdown")
@@ -111,4 +111,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app(prog_name="python -m services.sim")
+    app(prog_name="python -m rackhand.services.sim")

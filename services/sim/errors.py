@@ -14,7 +14,7 @@ class PhysicsError(Exception):
 
 
 class RequestRefused(Exception):
-    """A request to the world cannot be met. ``code`` is one of ``schemas.chassis.Refusal``."""
+    """A request to the world cannot be met. ``code`` is one of ``rackhand.schemas.chassis.Refusal``."""
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(f"{code}: {text}")

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas.service import ServiceId
+from rackhand.schemas.service import ServiceId
 
 RETELL_AFTER = (
     0.5  # s of wall time: an instant that nobody answers, and the clock of a world that stands, are told again

@@ -5,15 +5,15 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from bus import Bus, Event, Presence, Publisher, Request, Sample
-from bus.log import get_logger
-from schemas import topics
-from schemas.motion import ArmCommand
-from schemas.service import WORLD
-from schemas.topics import Topic
-from services.sim.errors import RequestRefused
-from services.sim.session import Session
-from services.sim.worldfile import INSTANT_NS
+from rackhand.bus import Bus, Event, Presence, Publisher, Request, Sample
+from rackhand.bus.log import get_logger
+from rackhand.schemas import topics
+from rackhand.schemas.motion import ArmCommand
+from rackhand.schemas.service import WORLD
+from rackhand.schemas.topics import Topic
+from rackhand.services.sim.errors import RequestRefused
+from rackhand.services.sim.session import Session
+from rackhand.services.sim.world.worldfile import INSTANT_NS
 
 log = get_logger(__name__)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from schemas.chassis import ChassisCommand
-from schemas.motion import ArmCommand
-from schemas.service import ServiceId
-from schemas.world import (
+from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.motion import ArmCommand
+from rackhand.schemas.service import ServiceId
+from rackhand.schemas.world import (
     Advance,
     Clock,
     InjectFault,
@@ -24,10 +24,10 @@ from schemas.world import (
     WorldReply,
     WorldRequest,
 )
-from services.sim.errors import RequestRefused, unknown
-from services.sim.pacing import Pacer
-from services.sim.simulation import Simulation
-from services.sim.worldfile import INSTANT_NS
+from rackhand.services.sim.errors import RequestRefused, unknown
+from rackhand.services.sim.pacing import Pacer
+from rackhand.services.sim.simulation import Simulation
+from rackhand.services.sim.world.worldfile import INSTANT_NS
 
 # Whose commands a participant's answers are: one service commands a chassis, another an arm.
 CHASSIS_COMMANDER, ARM_COMMANDER = "planner", "controller"

@@ -11,26 +11,26 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from schemas import topics
-from schemas.base import Pose2
-from schemas.chassis import ChassisCommand, LocalisedPose, Odometry, Scan
-from schemas.motion import ArmCommand, ArmModel, ArmState
-from schemas.service import WORLD
-from schemas.topics import Topic
-from schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, Place, Scene
-from services.sim import scenery
-from services.sim.arm import Arm
-from services.sim.arm_kinds import load_arm_kinds
-from services.sim.errors import PhysicsError, RequestRefused, WorldFileError, unknown
-from services.sim.layers import ARM_BIT, ITEM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
-from services.sim.ledger import ContactLedger
-from services.sim.movers import Walker, is_in_way, make_route
-from services.sim.noise import NoiseSettings
-from services.sim.obstacles import PERSON_SIZE, Obstacles
-from services.sim.profiles import Profile
-from services.sim.robot import Robot, hull_touches
-from services.sim.scene import build_model
-from services.sim.worldfile import INSTANT_NS, Mover, PoseTuple, Walk, World
+from rackhand.schemas import topics
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.chassis import ChassisCommand, LocalisedPose, Odometry, Scan
+from rackhand.schemas.motion import ArmCommand, ArmModel, ArmState
+from rackhand.schemas.service import WORLD
+from rackhand.schemas.topics import Topic
+from rackhand.schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, Place, Scene
+from rackhand.services.sim.actors.obstacles import PERSON_SIZE, Obstacles
+from rackhand.services.sim.actors.walkers import Walker, is_in_way, make_route
+from rackhand.services.sim.arm.arm import Arm
+from rackhand.services.sim.arm.kinds import load_arm_kinds
+from rackhand.services.sim.chassis.noise import NoiseSettings
+from rackhand.services.sim.chassis.profiles import Profile
+from rackhand.services.sim.chassis.robot import Robot, hull_touches
+from rackhand.services.sim.errors import PhysicsError, RequestRefused, WorldFileError, unknown
+from rackhand.services.sim.mjcf.layers import ARM_BIT, ITEM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
+from rackhand.services.sim.mjcf.scene import build_model
+from rackhand.services.sim.world import scenery
+from rackhand.services.sim.world.contact_log import ContactLedger
+from rackhand.services.sim.world.worldfile import INSTANT_NS, Mover, PoseTuple, Walk, World
 
 SETTLING_INSTANTS = 15
 FARTHEST = 1000.0

@@ -1,4 +1,4 @@
-"""``python -m services.viewer``."""
+"""``python -m rackhand.services.viewer``."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 
-from services.priority import RECORDER, VIEWER, stand_back
+from rackhand.runtime.priority import RECORDER, VIEWER, stand_back
 
 EPILOG = """Examples:\n
-  python -m services.viewer\n
-  python -m services.viewer --host 0.0.0.0 --memory 1GB\n
-  python -m services.viewer --no-serve --save run.rrd\n
+  python -m rackhand.services.viewer\n
+  python -m rackhand.services.viewer --host 0.0.0.0 --memory 1GB\n
+  python -m rackhand.services.viewer --no-serve --save run.rrd\n
 """
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -40,7 +40,7 @@ def main(
         print("the viewer needs Rerun: pip install 'rackhand[viewer]'", file=sys.stderr)
         raise SystemExit(2) from None
     stand_back(VIEWER if serve else RECORDER)
-    from services.viewer.service import Settings, run
+    from rackhand.services.viewer.service import Settings, run
 
     raise SystemExit(run(Settings(host, web_port, data_port, memory, rate, save, serve)))
 

@@ -8,13 +8,21 @@ from dataclasses import dataclass, replace
 
 import rerun as rr
 
-from schemas.base import Quaternion, Vec3
-from schemas.motion import ArmModel, Gripper, Holder, MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
-from schemas.orientation import TaskPose, quaternion
-from services.viewer import colours
-from services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
-from services.viewer.shapes import curves, ink, line, name_tag, pen
-from services.viewer.trail import Trail
+from rackhand.schemas.base import Quaternion, Vec3
+from rackhand.schemas.motion import (
+    ArmModel,
+    Gripper,
+    Holder,
+    MotionDiagnostics,
+    MotionEvent,
+    MotionPath,
+    MotionStatus,
+)
+from rackhand.schemas.orientation import TaskPose, quaternion
+from rackhand.services.viewer import colours
+from rackhand.services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
+from rackhand.services.viewer.shapes import curves, ink, line, name_tag, pen
+from rackhand.services.viewer.trail import Trail
 
 TRAIL_STEP, TRAIL_POINTS = 0.01, 400
 NAME_HEIGHT = -0.3  # m over the base: on the pedestal

@@ -8,9 +8,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from services.viewer.geometry import rotation_matrices
-from services.viewer.items import BUS_LOG, MAP, TIMELINE
-from services.viewer.picture import Cast
+from rackhand.services.viewer.geometry import rotation_matrices
+from rackhand.services.viewer.items import BUS_LOG, MAP, TIMELINE
+from rackhand.services.viewer.picture import Cast
 
 EMPTY_HALL = ((-5.0, -5.0, 0.0), (5.0, 5.0, 1.0))
 PLOT_SECONDS = 60.0

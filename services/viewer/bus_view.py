@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from schemas.service import BusStats, ServiceId
-from services.viewer import colours
-from services.viewer.items import BUS_LOG, Item, Note, Row
-from services.viewer.shapes import curves
+from rackhand.schemas.service import BusStats, ServiceId
+from rackhand.services.viewer import colours
+from rackhand.services.viewer.items import BUS_LOG, Item, Note, Row
+from rackhand.services.viewer.shapes import curves
 
 _SERVICES = ("planner", "controller", "gateway", "sim", "viewer", "recorder")
 

@@ -10,8 +10,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from schemas.base import Pose2, Quaternion
-from schemas.chassis import (
+from rackhand.schemas.base import Pose2, Quaternion
+from rackhand.schemas.chassis import (
     Battery,
     ChassisCommand,
     ChassisModel,
@@ -23,14 +23,14 @@ from schemas.chassis import (
     Odometry,
     Scan,
 )
-from schemas.fail_reasons import MoveFailReason
-from schemas.maps import CurrentMap
-from schemas.moves import MoveEvent, PlannedPath, PlanningState
-from services.viewer import colours
-from services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
-from services.viewer.maps import map_drawings
-from services.viewer.shapes import curves, ink, line, name_tag, pen
-from services.viewer.trail import Trail
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.maps import CurrentMap
+from rackhand.schemas.moves import MoveEvent, PlannedPath, PlanningState
+from rackhand.services.viewer import colours
+from rackhand.services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
+from rackhand.services.viewer.maps import map_drawings
+from rackhand.services.viewer.shapes import curves, ink, line, name_tag, pen
+from rackhand.services.viewer.trail import Trail
 
 # Heights that keep flat things apart (m): a costmap over the map, lines over both. A 2-D lidar tells no height of its
 # own; its returns are drawn about as high as a low chassis carries one.

@@ -9,8 +9,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from schemas.world import Scene, SceneGeom
-from services.viewer.items import MAP, Drawing
+from rackhand.schemas.world import Scene, SceneGeom
+from rackhand.services.viewer.items import MAP, Drawing
 
 STILL_BODY = "world"  # of the scene: what stands where the map has it
 FLOOR_MARGIN = 0.5  # m that an endless floor is drawn beyond everything that stands on it

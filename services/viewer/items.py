@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from schemas.base import Quaternion, Vec3
+from rackhand.schemas.base import Quaternion, Vec3
 
 MAP = "map"
 TIMELINE = "sim_time"

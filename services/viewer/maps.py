@@ -10,9 +10,9 @@ import numpy as np
 import rerun as rr
 from PIL import Image
 
-from schemas.maps import MapData, Overlays
-from services.viewer import colours
-from services.viewer.items import Drawing
+from rackhand.schemas.maps import MapData, Overlays
+from rackhand.services.viewer import colours
+from rackhand.services.viewer.items import Drawing
 
 MAP_Z, OVERLAY_Z = 0.004, 0.02
 VIRTUAL_WALL = "2"

@@ -6,14 +6,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
-from schemas import topics
-from schemas.topics import Qos, Topic
-from services.viewer.arm import ArmView, Stand
-from services.viewer.bus_view import BusView
-from services.viewer.chassis import KNOWN_POSES, ChassisView
-from services.viewer.geometry import Bounds
-from services.viewer.items import Item
-from services.viewer.world import WorldView
+from rackhand.schemas import topics
+from rackhand.schemas.topics import Qos, Topic
+from rackhand.services.viewer.arm import ArmView, Stand
+from rackhand.services.viewer.bus_view import BusView
+from rackhand.services.viewer.chassis import KNOWN_POSES, ChassisView
+from rackhand.services.viewer.geometry import Bounds
+from rackhand.services.viewer.items import Item
+from rackhand.services.viewer.world import WorldView
 
 V = TypeVar("V")
 

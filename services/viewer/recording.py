@@ -10,8 +10,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from services.viewer.geometry import quaternions_xyzw
-from services.viewer.items import TIMELINE, Drawing, Item, Note, Pose, Row
+from rackhand.services.viewer.geometry import quaternions_xyzw
+from rackhand.services.viewer.items import TIMELINE, Drawing, Item, Note, Pose, Row
 
 APPLICATION = "rackhand"
 FRAMES = "tf"  # the entity that holds where all frames are

@@ -14,7 +14,7 @@ from types import TracebackType
 
 import rerun_cli
 
-from services.viewer.page import Page, stream_url
+from rackhand.services.viewer.page import Page, stream_url
 
 PR_SET_PDEATHSIG = 1
 EVERYWHERE = ("0.0.0.0", "::")

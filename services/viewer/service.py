@@ -12,17 +12,17 @@ from typing import Any
 
 import rerun as rr
 
-from bus import Bus, Event, Presence, Sample
-from bus.log import configure_logging, get_logger
-from schemas import topics
-from schemas.base import NANOSECONDS
-from schemas.service import CELL, ServiceId
-from schemas.topics import Qos
-from services.viewer.blueprint import blueprint
-from services.viewer.bus_view import presence
-from services.viewer.picture import DRAWN, NEWEST, Cast, Picture
-from services.viewer.recording import Recording, Stamped
-from services.viewer.server import CannotServe, Server
+from rackhand.bus import Bus, Event, Presence, Sample
+from rackhand.bus.log import configure_logging, get_logger
+from rackhand.schemas import topics
+from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.service import CELL, ServiceId
+from rackhand.schemas.topics import Qos
+from rackhand.services.viewer.blueprint import blueprint
+from rackhand.services.viewer.bus_view import presence
+from rackhand.services.viewer.picture import DRAWN, NEWEST, Cast, Picture
+from rackhand.services.viewer.recording import Recording, Stamped
+from rackhand.services.viewer.server import CannotServe, Server
 
 log = get_logger(__name__)
 
@@ -36,7 +36,7 @@ AHEAD = 5 * NANOSECONDS  # what is stamped later than this after the clock is of
 
 @dataclass(frozen=True)
 class Settings:
-    """What ``python -m services.viewer`` can be told. ``rate`` in frames a second of wall time."""
+    """What ``python -m rackhand.services.viewer`` can be told. ``rate`` in frames a second of wall time."""
 
     host: str = "127.0.0.1"
     web_port: int = 9090

@@ -10,8 +10,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from services.viewer.colours import NAME, Colour
-from services.viewer.items import Drawing
+from rackhand.services.viewer.colours import NAME, Colour
+from rackhand.services.viewer.items import Drawing
 
 
 @cache  # the same few are drawn 25 times a second, and to make one takes as long as the rest of a shape

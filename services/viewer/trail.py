@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import Vec3
+from rackhand.schemas.base import Vec3
 
 
 class Trail:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from schemas.world import Clock, Objects, Scene, SceneGeom
-from services.viewer.geometry import Bounds, Group, bounds, draw, grouped, is_same
-from services.viewer.items import BUS_LOG, Item, Note, Pose
+from rackhand.schemas.world import Clock, Objects, Scene, SceneGeom
+from rackhand.services.viewer.geometry import Bounds, Group, bounds, draw, grouped, is_same
+from rackhand.services.viewer.items import BUS_LOG, Item, Note, Pose
 
 
 class WorldView:

@@ -12,7 +12,7 @@ from benchmarks.ik.search import Pair, search_all
 from benchmarks.ik.tables import Result
 from benchmarks.ik.urdf import TOOL, to_urdf
 from benchmarks.ik.walk import DT, Array, Chunk, Walker
-from services.controller.ik import Arm, forward, load_arm
+from rackhand.services.controller.ik import Arm, forward, load_arm
 
 ARMS = [load_arm("ur5e"), load_arm("fr3")]
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from bus import Bus, BusConfig, Inbox, Presence
-from schemas.service import CELL, ServiceId
+from rackhand.bus import Bus, BusConfig, Inbox, Presence
+from rackhand.schemas.service import CELL, ServiceId
 from tests.ports import free_port
 
 
@@ -17,7 +17,7 @@ from tests.ports import free_port
 def router() -> Iterator[str]:
     """A router process; its end point."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    process = subprocess.Popen([sys.executable, "-m", "bus.router", "--listen", endpoint])
+    process = subprocess.Popen([sys.executable, "-m", "rackhand.bus.router", "--listen", endpoint])
     try:
         with Bus(ServiceId("probe", CELL), BusConfig(connect=endpoint)) as bus:
             wait_for(bus.inbox().watch_services(), ServiceId("router", CELL))

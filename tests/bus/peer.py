@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 
-from bus import Bus, BusConfig, Request, Sample
-from schemas import topics
-from schemas.base import Twist2
-from schemas.chassis import ChassisCommand
-from schemas.moves import MoveReply, PlanningState
-from schemas.service import ServiceId
+from rackhand.bus import Bus, BusConfig, Request, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.base import Twist2
+from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.moves import MoveReply, PlanningState
+from rackhand.schemas.service import ServiceId
 
 ME = ServiceId("planner", "amr1")
 

@@ -7,12 +7,12 @@ import threading
 
 import pytest
 
-from bus import Bus, BusConfig, Inbox
-from bus.inbox import _Source
-from schemas import topics
-from schemas.base import Twist2
-from schemas.chassis import ChassisCommand
-from schemas.service import WORLD, ServiceId
+from rackhand.bus import Bus, BusConfig, Inbox
+from rackhand.bus.inbox import _Source
+from rackhand.schemas import topics
+from rackhand.schemas.base import Twist2
+from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.service import WORLD, ServiceId
 
 SAMPLES = 20
 
@@ -33,7 +33,7 @@ def test_a_thread_of_zenoh_remembers_the_sample_before(router: str, monkeypatch:
         Bus(ServiceId("planner", WORLD), BusConfig(connect=router)) as sender,
     ):
         inbox: Inbox = receiver.inbox()
-        monkeypatch.setattr("bus.inbox._Source", Counting)
+        monkeypatch.setattr("rackhand.bus.inbox._Source", Counting)
         inbox.subscribe(topics.COMMAND, "amr1")
         publisher = sender.publisher(topics.COMMAND, "amr1")
         command = ChassisCommand(answers=0, twist=Twist2(linear=0.0, angular=0.0))

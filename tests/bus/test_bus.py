@@ -15,13 +15,22 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus import Bus, BusConfig, CallTimeout, Inbox, Refused, Sample, Unavailable
-from bus.inbox import MAX_OVERTAKES
-from schemas import topics
-from schemas.base import Pose2, Twist2
-from schemas.chassis import Odometry
-from schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, MoveCreate, MoveReply, MoveRequest, PlanningState
-from schemas.service import WORLD, ServiceId
+from rackhand.bus import Bus, BusConfig, CallTimeout, Inbox, Refused, Sample, Unavailable
+from rackhand.bus.inbox import MAX_OVERTAKES
+from rackhand.schemas import topics
+from rackhand.schemas.base import Pose2, Twist2
+from rackhand.schemas.chassis import Odometry
+from rackhand.schemas.moves import (
+    CancelMove,
+    CreateMove,
+    GetMove,
+    ListMoves,
+    MoveCreate,
+    MoveReply,
+    MoveRequest,
+    PlanningState,
+)
+from rackhand.schemas.service import WORLD, ServiceId
 from tests.bus.conftest import wait_for
 from tests.bus.peer import ME
 from tests.ports import free_port
@@ -205,7 +214,7 @@ def test_a_service_may_start_before_the_router() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with Bus(ServiceId("sim", WORLD), BusConfig(connect=endpoint)) as early:
         inbox = early.inbox().watch_services()
-        process = subprocess.Popen([sys.executable, "-m", "bus.router", "--listen", endpoint])
+        process = subprocess.Popen([sys.executable, "-m", "rackhand.bus.router", "--listen", endpoint])
         try:
             wait_for(inbox, ServiceId("router", "cell"))
         finally:
@@ -215,7 +224,7 @@ def test_a_service_may_start_before_the_router() -> None:
 
 def test_peers_keep_talking_while_the_router_is_gone() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    process = subprocess.Popen([sys.executable, "-m", "bus.router", "--listen", endpoint])
+    process = subprocess.Popen([sys.executable, "-m", "rackhand.bus.router", "--listen", endpoint])
     with (
         Bus(ServiceId("sim", WORLD), BusConfig(connect=endpoint)) as one,
         Bus(ServiceId("gateway", "cell"), BusConfig(connect=endpoint)) as other,

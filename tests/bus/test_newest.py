@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
-from bus import Bus, BusConfig, Inbox, Newest, Publisher, Sample
-from schemas import topics
-from schemas.moves import PlanningState
-from schemas.service import WORLD, ServiceId
+from rackhand.bus import Bus, BusConfig, Inbox, Newest, Publisher, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.moves import PlanningState
+from rackhand.schemas.service import WORLD, ServiceId
 from tests.gateway import messages
 
 ROBOTS = ("amr1", "amr2")
@@ -75,7 +75,7 @@ def test_the_newest_of_each_robot_is_given_and_given_once(pair: Pair) -> None:
 
 def test_as_many_are_kept_as_were_asked_for_in_order(pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where the ring pushes out what is older. Few samples: of a flood a link may drop the last."""
-    monkeypatch.setattr("bus.newest.RING", 4)
+    monkeypatch.setattr("rackhand.bus.newest.RING", 4)
     pair.newest.follow(topics.ODOMETRY, keep=3)
     pair.meet()
     for stamp in range(1, 11):

@@ -7,13 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from schemas.motion import ArmCommand, ArmState, Gripper, MotionDiagnostics, MotionEvent, MotionPath, MotionStatus
-from services.controller import ik
-from services.controller.access_types import AccessConfig, AuditEntry
-from services.controller.controller import Controller
-from services.controller.motion.meter import Stopwatch, no_stopwatch
-from services.controller.trajectory.model import Array
-from services.controller.warm_up import Inline
+from rackhand.schemas.motion import (
+    ArmCommand,
+    ArmState,
+    Gripper,
+    MotionDiagnostics,
+    MotionEvent,
+    MotionPath,
+    MotionStatus,
+)
+from rackhand.services.controller import ik
+from rackhand.services.controller.access.types import AccessConfig, AuditEntry
+from rackhand.services.controller.controller import Controller
+from rackhand.services.controller.motion.meter import Stopwatch, no_stopwatch
+from rackhand.services.controller.trajectory.model import Array
+from rackhand.services.controller.warm_up import Inline
 
 PERIOD_NS = 4_000_000
 UR5E = ik.load_arm("ur5e")

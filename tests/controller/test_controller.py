@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas.crf import CrfCode
-from services.controller import ik
-from services.controller.trajectory.model import Array
+from rackhand.schemas.crf import CrfCode
+from rackhand.services.controller import ik
+from rackhand.services.controller.trajectory.model import Array
 from tests.controller.cell import FR3, PERIOD_NS, UR5E, PerfectArm, moved, pose
 
 BAD = {"code": 400, "detail": 0}

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from schemas.motion import Gripper
+from rackhand.schemas.motion import Gripper
 from tests.controller.cell import UR5E, PerfectArm
 
 OFF, ON = Gripper(suction=False, holding=False), Gripper(suction=True, holding=False)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from typer.testing import CliRunner
 
-from schemas.crf_requests import OPTIONAL_COMMANDS
-from services.controller.__main__ import app
+from rackhand.schemas.crf_requests import OPTIONAL_COMMANDS
+from rackhand.services.controller.__main__ import app
 
 
 @pytest.mark.parametrize("how", ["option", "environment"])

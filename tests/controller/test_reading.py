@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from services.controller.protocol.reading import LONG, MAX_WAITING
+from rackhand.services.controller.protocol.reading import LONG, MAX_WAITING
 from tests.controller.cell import UR5E, PerfectArm
 
 NEAR = (UR5E.home + 0.01).tolist()

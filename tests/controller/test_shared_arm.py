@@ -14,9 +14,9 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from schemas.motion import ArmCommand
-from services.controller.access_hop import LastHop
-from services.controller.protocol.dispatch import alias
+from rackhand.schemas.motion import ArmCommand
+from rackhand.services.controller.access.hop import LastHop
+from rackhand.services.controller.protocol.dispatch import alias
 from tests.controller.cell import PERIOD_NS, UR5E, PerfectArm
 
 CLIENTS = st.sampled_from(["a", "b", "c"])

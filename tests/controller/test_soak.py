@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from services.controller import ik
+from rackhand.services.controller import ik
 from tests.controller.cell import FR3, UR5E, PerfectArm, moved, pose
 
 SEEDS = st.integers(0, 2**32 - 1)

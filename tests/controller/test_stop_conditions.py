@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas.crf import CrfCode
+from rackhand.schemas.crf import CrfCode
 from tests.controller.cell import PERIOD_NS, UR5E, PerfectArm, moved, pose
 
 CONDITIONS = {

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from bus import Bus
-from schemas.service import CELL, ServiceId
-from services.gateway.app import create_app
-from services.gateway.state import State
-from services.gateway.topics import PAYLOADS
+from rackhand.bus import Bus
+from rackhand.schemas.service import CELL, ServiceId
+from rackhand.services.gateway.http.app import create_app
+from rackhand.services.gateway.state import State
+from rackhand.services.gateway.ws.topics import PAYLOADS
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "chassis-api.md").read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from services.launch.reference import BLOCKS, refresh
+from rackhand.services.launch.reference import BLOCKS, refresh
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])

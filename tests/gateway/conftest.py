@@ -7,8 +7,8 @@ from typing import cast
 
 import pytest
 
-from services.gateway.context import Context
-from services.gateway.settings import Settings
+from rackhand.services.gateway.context import Context
+from rackhand.services.gateway.settings import Settings
 from tests.gateway.fake_arm import ArmCell, FakeArm
 from tests.gateway.harness import Gateway, running_gateway
 

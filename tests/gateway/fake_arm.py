@@ -6,10 +6,10 @@ import asyncio
 import json
 from typing import Any
 
-from bus import BusError
-from schemas import topics
-from schemas.motion import CrfAnswer, CrfCall
-from services.gateway.context import Context
+from rackhand.bus import BusError
+from rackhand.schemas import topics
+from rackhand.schemas.motion import CrfAnswer, CrfCall
+from rackhand.services.gateway.context import Context
 from tests.gateway.harness import Gateway
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from bus import BusError, Refused
-from schemas import topics
-from schemas.chassis import ChassisRequest, Done, SetControlMode
-from schemas.maps import (
+from rackhand.bus import BusError, Refused
+from rackhand.schemas import topics
+from rackhand.schemas.chassis import ChassisRequest, Done, SetControlMode
+from rackhand.schemas.maps import (
     CreateMap,
     DeleteMap,
     GetMap,
@@ -20,7 +20,7 @@ from schemas.maps import (
     SelectMap,
     UseMapData,
 )
-from schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveReply, MoveRequest
+from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveReply, MoveRequest
 
 NOW = 1_746_684_372
 TARGET_MISSING = "(target_x target_y) or target_ori must be provided"

@@ -18,16 +18,16 @@ import uvicorn
 from fastapi import FastAPI
 from websockets.sync.client import ClientConnection, connect
 
-from bus import Event, Sample
-from schemas import topics
-from schemas.base import Message
-from services.gateway.app import create_app
-from services.gateway.broadcast import Hub
-from services.gateway.context import Context
-from services.gateway.service import server_config
-from services.gateway.settings import Settings
-from services.gateway.state import State
-from services.gateway.topics import PAYLOADS
+from rackhand.bus import Event, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.base import Message
+from rackhand.services.gateway.context import Context
+from rackhand.services.gateway.http.app import create_app
+from rackhand.services.gateway.service import server_config
+from rackhand.services.gateway.settings import Settings
+from rackhand.services.gateway.state import State
+from rackhand.services.gateway.ws.broadcast import Hub
+from rackhand.services.gateway.ws.topics import PAYLOADS
 from tests.gateway.fake_bus import FakeBus
 
 PATIENCE = 20.0  # seconds; only ever bounds a failure

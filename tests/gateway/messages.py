@@ -7,19 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from schemas.base import Pose2, Twist2
-from schemas.chassis import (
-    Battery,
-    ChassisModel,
-    ChassisStatus,
-    Jack,
-    LocalisedPose,
-    Odometry,
-    Scan,
-)
-from schemas.maps import CurrentMap, MapData
-from schemas.moves import PlannedPath, PlanningState
-from schemas.world import Clock
+from rackhand.schemas.base import Pose2, Twist2
+from rackhand.schemas.chassis import Battery, ChassisModel, ChassisStatus, Jack, LocalisedPose, Odometry, Scan
+from rackhand.schemas.maps import CurrentMap, MapData
+from rackhand.schemas.moves import PlannedPath, PlanningState
+from rackhand.schemas.world import Clock
 from tests.gateway.harness import grey_png
 
 SECOND = 1_000_000_000

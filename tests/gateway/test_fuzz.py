@@ -15,9 +15,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bus import CallTimeout, Refused, Unavailable
+from rackhand.bus import CallTimeout, Refused, Unavailable
 from tests.gateway.harness import Gateway, Socket, map_body
-from tests.gateway.test_websocket import client_frame, raw_websocket
+from tests.gateway.ws.test_websocket import client_frame, raw_websocket
 
 # The server, in its own thread, draws random numbers while hypothesis draws examples, which takes them for its own.
 pytestmark = pytest.mark.filterwarnings("ignore:Do not use the `random` module inside strategies")

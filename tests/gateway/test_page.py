@@ -7,12 +7,13 @@ from importlib.resources import files
 
 import pytest
 
-from services.gateway import docs, index
-from services.gateway.settings import Settings
-from services.gateway.topics import PAYLOADS
+from rackhand.services.gateway.http import docs
+from rackhand.services.gateway.page import index
+from rackhand.services.gateway.settings import Settings
+from rackhand.services.gateway.ws.topics import PAYLOADS
 from tests.gateway.harness import Gateway, running_gateway
 
-PAGE = files("services.gateway") / "page"
+PAGE = files("rackhand.services.gateway") / "page"
 TEXTS = {entry.name: entry.read_text("utf-8") for entry in PAGE.iterdir()}
 SCRIPTS = "".join(text for name, text in TEXTS.items() if name.endswith(".js"))
 HTML = TEXTS["index.html"]

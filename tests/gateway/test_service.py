@@ -15,11 +15,11 @@ import pytest
 from typer.testing import CliRunner
 from websockets.sync.client import connect
 
-from bus import Bus, BusConfig, Presence, Request
-from schemas import topics
-from schemas.moves import Move, MoveReply
-from schemas.service import CELL, ServiceId
-from services.gateway.__main__ import app
+from rackhand.bus import Bus, BusConfig, Presence, Request
+from rackhand.schemas import topics
+from rackhand.schemas.moves import Move, MoveReply
+from rackhand.schemas.service import CELL, ServiceId
+from rackhand.services.gateway.__main__ import app
 from tests.gateway import messages
 from tests.gateway.fake_bus import NOW
 from tests.gateway.harness import PATIENCE, Socket
@@ -31,7 +31,7 @@ GATEWAY = ServiceId("gateway", CELL)
 @pytest.fixture(scope="module")
 def endpoint() -> Iterator[str]:
     address = f"tcp/127.0.0.1:{free_port()}"
-    router = subprocess.Popen([sys.executable, "-m", "bus.router", "--listen", address])
+    router = subprocess.Popen([sys.executable, "-m", "rackhand.bus.router", "--listen", address])
     yield address
     router.terminate()
     assert router.wait(PATIENCE) == 0
@@ -39,7 +39,7 @@ def endpoint() -> Iterator[str]:
 
 def start(endpoint: str, *options: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "services.gateway", *options],
+        [sys.executable, "-m", "rackhand.services.gateway", *options],
         env=os.environ | {"RACKHAND_BUS_CONNECT": endpoint},
         stderr=subprocess.PIPE,
         text=True,
@@ -100,7 +100,7 @@ def answer_moves(inbox: object) -> None:
 def test_a_wrong_option_is_told_and_nothing_is_started(
     monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], told: str
 ) -> None:
-    monkeypatch.setattr("services.gateway.__main__.run", lambda _settings: pytest.fail("it was started"))
+    monkeypatch.setattr("rackhand.services.gateway.__main__.run", lambda _settings: pytest.fail("it was started"))
     result = CliRunner().invoke(app, options)
     assert result.exit_code == 2
     assert told in " ".join(result.output.replace("│", " ").split())

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from bus import Presence, Sample
-from schemas import topics
-from schemas.service import ServiceId
-from services.gateway.state import Change, State
+from rackhand.bus import Presence, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.service import ServiceId
+from rackhand.services.gateway.state import Change, State
 from tests.gateway import messages
 
 PLANNER = ServiceId("planner", "amr1")

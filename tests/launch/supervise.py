@@ -7,9 +7,9 @@ import json
 import os
 import sys
 
-from services.launch.processes import Address, Process
-from services.launch.restarts import RestartPolicy
-from services.launch.supervisor import Supervisor
+from rackhand.services.launch.processes import Address, Process
+from rackhand.services.launch.restarts import RestartPolicy
+from rackhand.services.launch.supervisor import Supervisor
 
 
 def main() -> None:

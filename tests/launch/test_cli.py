@@ -12,15 +12,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from schemas.topics import QUERIES, TOPICS
-from services.launch.cell import crf_addresses
-from services.launch.cli import app
-from services.launch.processes import Address, CellOptions, cell_processes
-from services.launch.viewing import with_viewer
+from rackhand.schemas.topics import QUERIES, TOPICS
+from rackhand.services.launch.cell import crf_addresses
+from rackhand.services.launch.cli import app
+from rackhand.services.launch.processes import Address, CellOptions, cell_processes
+from rackhand.services.launch.viewing import with_viewer
 from tests.launch.conftest import Running
 
 cli = CliRunner()
-RACKHAND = [sys.executable, "-m", "services.launch"]
+RACKHAND = [sys.executable, "-m", "rackhand.services.launch"]
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def test_the_world_says_who_acts(tmp_path: Path) -> None:
     table = {process.name: process for process in cell_processes(CellOptions(world=str(tmp_path)), {})}
     assert list(table) == ["router", "sim", "planner-amr1", "planner-amr2", "controller", "gateway", "viewer"]
     controller = " ".join(table["controller"].argv)
-    assert controller.endswith("services.controller --robot arm1 --arm fr3 --state-dir var/arm1 --rate 250")
+    assert controller.endswith("rackhand.services.controller --robot arm1 --arm fr3 --state-dir var/arm1 --rate 250")
     sim, gateway = " ".join(table["sim"].argv), " ".join(table["gateway"].argv)
     for participant in ("amr1/planner", "amr2/planner", "arm1/controller"):
         assert f"--wait-for {participant}" in sim and f"--expect {participant}" in gateway
@@ -169,7 +169,7 @@ def test_a_cell_whose_view_has_no_port_goes_without(tmp_path: Path) -> None:
 def test_the_live_view_is_told_where_to_listen() -> None:
     viewer = cell_processes(CellOptions(), {})[-1]
     assert viewer.name == "viewer" and viewer.optional
-    assert " ".join(viewer.argv).endswith("services.viewer --host 127.0.0.1 --web-port 9090 --data-port 9876")
+    assert " ".join(viewer.argv).endswith("rackhand.services.viewer --host 127.0.0.1 --web-port 9090 --data-port 9876")
     assert CellOptions().viewer_page == "http://127.0.0.1:9090/"
 
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from services.launch.restarts import GiveUp, History, RestartPolicy, after_exit
+from rackhand.services.launch.restarts import GiveUp, History, RestartPolicy, after_exit
 
 POLICY = RestartPolicy(first_delay=0.5, longest_delay=10.0, healthy_after=30.0, attempts=6)
 ONCE_HEALTHY = History(failures=0, was_healthy=True)

@@ -6,7 +6,10 @@ from typing import Any
 
 import pytest
 
+from rackhand.services.planner.behaviors.navigator import ChassisNavigator
+from rackhand.services.planner.settings import NavigationSettings
 from tests.planner.fakes import Cell
+from tests.planner.plant import BODY, Hall, Plant, Walker, box, idle
 
 
 @pytest.fixture
@@ -25,3 +28,32 @@ def make_cell(tmp_path: Path) -> Iterator[Callable[..., Cell]]:
 @pytest.fixture
 def cell(make_cell: Callable[..., Cell]) -> Cell:
     return make_cell()
+
+
+def small_hall() -> Hall:
+    """10 x 8 m with one mapped block in the middle."""
+    return Hall(10, 8, [box(5, 4, 1, 2)])
+
+
+@pytest.fixture
+def begin() -> Callable[..., tuple[ChassisNavigator, Plant]]:
+    """A navigator and a plant that have known each other for 0.4 s."""
+
+    def make(
+        hall: Hall | None = None,
+        pose: tuple[float, float, float] = (1.5, 4.0, 0.0),
+        settings: NavigationSettings | None = None,
+        seed: int = 1,
+        crates: tuple = (),
+        walkers: tuple[Walker, ...] = (),
+    ) -> tuple[ChassisNavigator, Plant]:
+        navigator = ChassisNavigator(settings)
+        plant = Plant(hall or small_hall(), pose, seed)
+        plant.crates = list(crates)
+        plant.walkers = list(walkers)
+        navigator.set_map(plant.hall.map())
+        navigator.set_footprint(BODY)
+        idle(navigator, plant, 0.4)
+        return navigator, plant
+
+    return make

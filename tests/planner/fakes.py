@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from schemas import topics
-from schemas.base import NANOSECONDS, Message, Pose2, Twist2
-from schemas.chassis import (
+from rackhand.schemas import topics
+from rackhand.schemas.base import NANOSECONDS, Message, Pose2, Twist2
+from rackhand.schemas.chassis import (
     ChassisCommand,
     ChassisModel,
     ChassisRequest,
@@ -24,15 +24,15 @@ from schemas.chassis import (
     LocalisedPose,
     Odometry,
 )
-from schemas.maps import CreateMap, MapData, MapReply, MapRequest
-from schemas.moves import CancelMove, CreateMove, GetMove, Move, MoveCreate, MoveRequest, PlanningState
-from schemas.topics import Topic
-from schemas.world import Clock
-from services.planner.chassis import Chassis, ChassisSettings
-from services.planner.database import Database
-from services.planner.interface import STANDSTILL, Goal, Observation, Progress
-from services.planner.map_store import MapStore
-from services.planner.move_store import MoveStore
+from rackhand.schemas.maps import CreateMap, MapData, MapReply, MapRequest
+from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, Move, MoveCreate, MoveRequest, PlanningState
+from rackhand.schemas.topics import Topic
+from rackhand.schemas.world import Clock
+from rackhand.services.planner.behaviors.interface import STANDSTILL, Goal, Observation, Progress
+from rackhand.services.planner.chassis import Chassis, ChassisSettings
+from rackhand.services.planner.database import Database
+from rackhand.services.planner.map.store import MapStore
+from rackhand.services.planner.moves.records import MoveStore
 
 STEP = 40_000_000
 UNIX_NS = 1_700_000_000 * NANOSECONDS

@@ -6,13 +6,21 @@ from collections.abc import Callable
 
 import pytest
 
-from schemas import topics
-from schemas.base import NANOSECONDS, Pose2, Twist2
-from schemas.chassis import Battery, Jack, JackRequest, RemoteTwist, SetControlMode, SetEmergencyStop, SetPose
-from schemas.fail_reasons import MoveFailReason
-from services.planner.errors import RequestRefused
-from services.planner.interface import STANDSTILL, MoveFailed
-from services.planner.jacking import TIME_LIMIT_NS
+from rackhand.schemas import topics
+from rackhand.schemas.base import NANOSECONDS, Pose2, Twist2
+from rackhand.schemas.chassis import (
+    Battery,
+    Jack,
+    JackRequest,
+    RemoteTwist,
+    SetControlMode,
+    SetEmergencyStop,
+    SetPose,
+)
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.services.planner.behaviors.interface import STANDSTILL, MoveFailed
+from rackhand.services.planner.errors import RequestRefused
+from rackhand.services.planner.jacking import TIME_LIMIT_NS
 from tests.planner.fakes import FORWARD, STEP, Cell
 
 

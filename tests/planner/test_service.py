@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bus import Presence, Request, Sample, Unavailable
-from schemas import topics
-from schemas.base import Message, Pose2
-from schemas.chassis import ChassisRequest, LocalisedPose, Odometry, SetControlMode
-from schemas.moves import CreateMove, GetMove, MoveCreate, MoveRequest
-from schemas.service import ServiceId
-from services.planner.interface import STANDSTILL
-from services.planner.service import PlannerService
+from rackhand.bus import Presence, Request, Sample, Unavailable
+from rackhand.schemas import topics
+from rackhand.schemas.base import Message, Pose2
+from rackhand.schemas.chassis import ChassisRequest, LocalisedPose, Odometry, SetControlMode
+from rackhand.schemas.moves import CreateMove, GetMove, MoveCreate, MoveRequest
+from rackhand.schemas.service import ServiceId
+from rackhand.services.planner.behaviors.interface import STANDSTILL
+from rackhand.services.planner.service import PlannerService
 from tests.planner.fakes import FORWARD, Cell
 
 SIM = ServiceId("sim", "world")

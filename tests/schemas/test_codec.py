@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas import chassis, moves, topics, world
-from schemas.base import Message, Pose2, Twist2
-from schemas.codec import MalformedMessage, codec_for
+from rackhand.schemas import chassis, moves, topics, world
+from rackhand.schemas.base import Message, Pose2, Twist2
+from rackhand.schemas.codec import MalformedMessage, codec_for
 
 ODOMETRY = chassis.Odometry(
     stamp=40_000_000,

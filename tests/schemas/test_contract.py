@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections import Counter
 
-from schemas.crf import CrfCode
-from schemas.fail_reasons import MoveFailReason
-from schemas.service import ServiceId
-from schemas.topics import QUERIES, TOPICS, Query, Topic
+from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.service import ServiceId
+from rackhand.schemas.topics import QUERIES, TOPICS, Query, Topic
 
 
 def test_names_and_keys_are_unique_and_under_one_roof() -> None:
@@ -20,7 +20,7 @@ def test_names_and_keys_are_unique_and_under_one_roof() -> None:
 
 
 def test_every_row_of_the_table_is_listed() -> None:
-    from schemas import topics
+    from rackhand.schemas import topics
 
     listed = {id(row) for row in (*TOPICS, *QUERIES)}
     assert all(id(v) in listed for v in vars(topics).values() if isinstance(v, Topic | Query))

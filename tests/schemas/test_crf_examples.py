@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 
-from schemas import crf_examples
-from schemas import crf_requests as crf
-from schemas.motion import ControlInfo, Reply
-from services.controller.protocol.answers import Answer
-from services.controller.protocol.checks import objection
-from services.controller.protocol.parse import parse
-from services.gateway.app import create_app
-from services.gateway.settings import Settings
-from services.gateway.state import State
+from rackhand.schemas import crf_examples
+from rackhand.schemas import crf_requests as crf
+from rackhand.schemas.motion import ControlInfo, Reply
+from rackhand.services.controller.protocol.answers import Answer
+from rackhand.services.controller.protocol.checks import objection
+from rackhand.services.controller.protocol.parse import parse
+from rackhand.services.gateway.http.app import create_app
+from rackhand.services.gateway.settings import Settings
+from rackhand.services.gateway.state import State
 from tests.controller.cell import UR5E, PerfectArm
 from tests.controller.protocol.bench import ARM
 from tests.gateway.fake_bus import FakeBus

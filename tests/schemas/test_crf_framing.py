@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from schemas.crf_framing import JSON_PACKET, SYNC, Decoder, Packet, checksum, encode
+from rackhand.schemas.crf_framing import JSON_PACKET, SYNC, Decoder, Packet, checksum, encode
 
 VECTOR = bytes.fromhex(
     "7e7e7e7e7e7e" "2103" "17000000" "0000000000000000" "00" "3b"

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
-from schemas import crf_requests as crf
-from schemas.codec import Codec
-from schemas.motion import (
+from rackhand.schemas import crf_requests as crf
+from rackhand.schemas.codec import Codec
+from rackhand.schemas.motion import (
     ArmCommand,
     ArmState,
     Expected,
@@ -25,7 +25,7 @@ from schemas.motion import (
     RobotConfiguration,
     TaskSpace,
 )
-from schemas.orientation import Orientation, Representation, TaskPose
+from rackhand.schemas.orientation import Orientation, Representation, TaskPose
 
 ANGLES = st.floats(-math.pi, math.pi)
 

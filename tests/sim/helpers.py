@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from schemas.base import Twist2
-from schemas.chassis import ChassisCommand
-from schemas.topics import Topic
-from services.sim.noise import NoiseSettings
-from services.sim.profiles import load_profiles
-from services.sim.simulation import INSTANT_NS, Simulation
-from services.sim.worldfile import World
+from rackhand.schemas.base import Twist2
+from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.topics import Topic
+from rackhand.services.sim.chassis.noise import NoiseSettings
+from rackhand.services.sim.chassis.profiles import load_profiles
+from rackhand.services.sim.simulation import INSTANT_NS, Simulation
+from rackhand.services.sim.world.worldfile import World
 
 EXACT = NoiseSettings(scale=0.0)
 STILL = Twist2(linear=0.0, angular=0.0)

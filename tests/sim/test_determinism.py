@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from services.sim.noise import NoiseSettings, generator
-from services.sim.profiles import load_profiles
-from services.sim.simulation import Simulation
-from services.sim.worldfile import load_world
+from rackhand.services.sim.chassis.noise import NoiseSettings, generator
+from rackhand.services.sim.chassis.profiles import load_profiles
+from rackhand.services.sim.simulation import Simulation
+from rackhand.services.sim.world.worldfile import load_world
 from tests.sim.helpers import drive
 
 WAREHOUSE = load_world("warehouse")

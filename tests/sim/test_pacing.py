@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from schemas.service import ServiceId
-from services.sim.pacing import Decision, Pacer
+from rackhand.schemas.service import ServiceId
+from rackhand.services.sim.pacing import Decision, Pacer
 
 MS = 1_000_000
 INSTANT = 20 * MS

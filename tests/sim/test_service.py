@@ -9,18 +9,18 @@ from typing import Any
 
 import pytest
 
-from bus import Bus, BusConfig, Inbox, Presence, Refused, Sample
-from schemas import topics
-from schemas import world as asked
-from schemas.base import Pose2, Twist2
-from schemas.chassis import ChassisCommand
-from schemas.motion import ArmCommand, FencingToken
-from schemas.service import CELL, ServiceId
-from services.sim.pacing import Pacer
-from services.sim.service import SimService
-from services.sim.session import Run, Session
-from services.sim.simulation import INSTANT_NS
-from services.sim.worldfile import World
+from rackhand.bus import Bus, BusConfig, Inbox, Presence, Refused, Sample
+from rackhand.schemas import topics
+from rackhand.schemas import world as asked
+from rackhand.schemas.base import Pose2, Twist2
+from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.motion import ArmCommand, FencingToken
+from rackhand.schemas.service import CELL, ServiceId
+from rackhand.services.sim.pacing import Pacer
+from rackhand.services.sim.service import SimService
+from rackhand.services.sim.session import Run, Session
+from rackhand.services.sim.simulation import INSTANT_NS
+from rackhand.services.sim.world.worldfile import World
 from tests.bus.conftest import free_port
 from tests.sim.helpers import make_simulation, make_world
 

@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 
-from schemas import world as asked
-from schemas.base import Pose2, Twist2
-from schemas.chassis import ChassisCommand
-from schemas.motion import ArmCommand, FencingToken
-from schemas.service import ServiceId
-from services.sim.errors import RequestRefused
-from services.sim.pacing import Pacer
-from services.sim.session import Run, Session
-from services.sim.simulation import INSTANT_NS
+from rackhand.schemas import world as asked
+from rackhand.schemas.base import Pose2, Twist2
+from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.motion import ArmCommand, FencingToken
+from rackhand.schemas.service import ServiceId
+from rackhand.services.sim.errors import RequestRefused
+from rackhand.services.sim.pacing import Pacer
+from rackhand.services.sim.session import Run, Session
+from rackhand.services.sim.simulation import INSTANT_NS
 from tests.sim.helpers import STILL, make_simulation, make_world
 
 PERIOD = 2 * INSTANT_NS

@@ -23,10 +23,10 @@ from typing import Any, TypeVar
 
 import yaml
 
-from bus import BusConfig
-from services.launch.cell import CELL_FILE
-from services.launch.child import GUARD
-from services.launch.health import Health, ask_health
+from rackhand.bus import BusConfig
+from rackhand.services.launch.cell import CELL_FILE
+from rackhand.services.launch.child import GUARD
+from rackhand.services.launch.health import Health, ask_health
 
 ROOT = Path(__file__).parents[2]
 # Bounds on hanging, in wall seconds; nothing is measured by them. The very first start compiles for a minute.
@@ -107,7 +107,7 @@ class Cell:
         """What starts the supervisor."""
         own = ["--port", "0", "--bus-port", "0", "--state-dir", str(self.state_dir)]
         guarded = [sys.executable, str(GUARD), str(os.getpid())]  # a test that is killed leaves no cell behind
-        return [*guarded, sys.executable, "-m", "services.launch", "up", *own, *self._options]
+        return [*guarded, sys.executable, "-m", "rackhand.services.launch", "up", *own, *self._options]
 
     def start(self) -> None:
         """Start the supervisor, and wait until it has told its ports; the services may still be starting."""

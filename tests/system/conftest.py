@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from services.controller import ik
+from rackhand.services.controller import ik
 from tests.system.cell import Cell
 from tests.system.station import Station, pick_station
 

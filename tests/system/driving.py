@@ -10,8 +10,8 @@ from typing import Any
 
 import httpx
 
-from schemas.moves import TERMINAL
-from schemas.world import WorldReply
+from rackhand.schemas.moves import TERMINAL
+from rackhand.schemas.world import WorldReply
 from tests.system.cell import Cell
 from tests.system.judge import Judge
 

@@ -6,11 +6,11 @@ import math
 from types import TracebackType
 from typing import Any
 
-from bus import Bus, BusConfig, Sample, Unavailable
-from schemas import topics
-from schemas.base import NANOSECONDS, Message, Pose2
-from schemas.service import CELL, ServiceId
-from schemas.world import Advance, Inspect, ObjectPose, Pause, WorldReply, WorldRequest
+from rackhand.bus import Bus, BusConfig, Sample, Unavailable
+from rackhand.schemas import topics
+from rackhand.schemas.base import NANOSECONDS, Message, Pose2
+from rackhand.schemas.service import CELL, ServiceId
+from rackhand.schemas.world import Advance, Inspect, ObjectPose, Pause, WorldReply, WorldRequest
 
 
 class Judge:
@@ -34,7 +34,7 @@ class Judge:
         self._bus.__exit__(kind, error, trace)
 
     def ask(self, request: Message, timeout: float = 60.0) -> WorldReply:
-        """One of the requests of ``schemas.world``."""
+        """One of the requests of ``rackhand.schemas.world``."""
         return self._bus.call(topics.WORLD_CONTROL, WorldRequest(request=request), timeout=timeout)
 
     def inspect(self) -> WorldReply:

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bus import Bus, CallTimeout, Sample, Unavailable
-from schemas import topics
-from schemas.motion import ArmCommand, ArmState, CrfCall
-from schemas.service import CELL, ServiceId
-from schemas.world import Reset
-from services.controller import ik
+from rackhand.bus import Bus, CallTimeout, Sample, Unavailable
+from rackhand.schemas import topics
+from rackhand.schemas.motion import ArmCommand, ArmState, CrfCall
+from rackhand.schemas.service import CELL, ServiceId
+from rackhand.schemas.world import Reset
+from rackhand.services.controller import ik
 from tests.system.cell import ROOT, Cell
 from tests.system.judge import Judge
 

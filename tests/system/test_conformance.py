@@ -219,7 +219,7 @@ def test_the_command_line(station: Station) -> None:
     """``rackhand motion`` against the same cell: the protocol's answer, word for word."""
 
     def motion(arm: str, text: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "services.launch", "motion", arm, text]
+        command = [sys.executable, "-m", "rackhand.services.launch", "motion", arm, text]
         given = [*command, "--state-dir", str(station.cell.state_dir)]
         return subprocess.run(given, cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)
 

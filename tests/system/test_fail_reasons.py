@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator
 import pytest
 from PIL import Image
 
-from bus import Bus
-from schemas import topics
-from schemas.base import Pose2
-from schemas.fail_reasons import MoveFailReason as Reason
-from schemas.maps import MapRequest, SelectMap
-from schemas.service import CELL, ServiceId
-from schemas.world import InjectFault, Place, Reset
+from rackhand.bus import Bus
+from rackhand.schemas import topics
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.fail_reasons import MoveFailReason as Reason
+from rackhand.schemas.maps import MapRequest, SelectMap
+from rackhand.schemas.service import CELL, ServiceId
+from rackhand.schemas.world import InjectFault, Place, Reset
 from tests.system.cell import Cell, without_arms
 from tests.system.driving import Driver, no_go, square, wall
 from tests.system.judge import Judge, standard

@@ -15,9 +15,9 @@ import yaml
 from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt
 
-import worlds
-from schemas.base import Pose2
-from schemas.world import Place
+from rackhand import worlds
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.world import Place
 from tests.system.cell import Cell, without_arms
 from tests.system.driving import Driver
 from tests.system.judge import Judge, distance, standard, turn

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bus import Inbox, Sample
-from schemas import topics
-from schemas.motion import ArmCommand, ArmState
+from rackhand.bus import Inbox, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.motion import ArmCommand, ArmState
 from tests.system.station import ARM, OK, Station, pick_station
 from tests.system.transports import TRANSPORTS, Client, Json, Tcp, Transport, WebSocket, Zenoh, ask
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from schemas.base import NANOSECONDS
-from schemas.fail_reasons import MoveFailReason
-from schemas.world import Reset
+from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.world import Reset
 from tests.system.cell import Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, distance, standard

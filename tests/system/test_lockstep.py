@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from schemas.base import Pose2
-from schemas.world import Pause, Place, Reset
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.world import Pause, Place, Reset
 from tests.system.cell import Cell, without_arms
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard

@@ -18,8 +18,8 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from websockets.sync.client import ClientConnection, connect
 
-from schemas.topics import QUERIES, TOPICS
-from services.planner.jacking import REACHED
+from rackhand.schemas.topics import QUERIES, TOPICS
+from rackhand.services.planner.jacking import REACHED
 from tests.system.cell import Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard

@@ -9,7 +9,7 @@ import json
 
 import numpy as np
 
-from services.controller import ik
+from rackhand.services.controller import ik
 from tests.system.cell import Cell
 from tests.system.station import (
     ARM,

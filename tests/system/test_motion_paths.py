@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas.crf import CrfCode
-from services.controller import ik
-from services.controller.motion.kinematics import ArmKinematics
-from services.controller.motion.profile import hardware_limits
-from services.controller.trajectory.continuation import follow
-from services.controller.trajectory.geometry import Tolerance, task_path
-from services.controller.trajectory.model import PathRefused, Pose
+from rackhand.schemas.crf import CrfCode
+from rackhand.services.controller import ik
+from rackhand.services.controller.motion.kinematics import ArmKinematics
+from rackhand.services.controller.motion.profile import hardware_limits
+from rackhand.services.controller.trajectory.continuation import follow
+from rackhand.services.controller.trajectory.geometry import Tolerance, task_path
+from rackhand.services.controller.trajectory.model import PathRefused, Pose
 from tests.system.station import (
     BAD,
     PERIOD,

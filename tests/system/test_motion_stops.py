@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas.crf import CrfCode
-from schemas.motion import ArmState
-from services.controller import ik
+from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.motion import ArmState
+from rackhand.services.controller import ik
 from tests.system.station import (
     OK,
     Array,

@@ -12,7 +12,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from services.priority import GATEWAY, PLANNER, SLICE_NS
+from rackhand.runtime.priority import GATEWAY, PLANNER, SLICE_NS
 from tests.launch.conftest import alive, gone
 from tests.scheduling import IN_REAL_TIME, grants_real_time, heeded, slice_and_nice
 from tests.system.cell import ROOT, Cell
@@ -28,7 +28,7 @@ MakeCell = Callable[..., Cell]
 
 
 def rackhand(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "services.launch", *arguments]
+    command = [sys.executable, "-m", "rackhand.services.launch", *arguments]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
 
 

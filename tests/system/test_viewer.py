@@ -13,13 +13,13 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from bus import Bus, Presence, Sample
-from schemas import topics
-from schemas.base import NANOSECONDS
-from schemas.service import CELL, ServiceId
-from schemas.world import Objects
-from services.viewer.blueprint import shown
-from services.viewer.picture import Cast
+from rackhand.bus import Bus, Presence, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.service import CELL, ServiceId
+from rackhand.schemas.world import Objects
+from rackhand.services.viewer.blueprint import shown
+from rackhand.services.viewer.picture import Cast
 from tests.system.cell import ROOT, Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard
@@ -36,7 +36,15 @@ T = TypeVar("T")
 def recorder(cell: Cell, judge_bus: Bus, file: Path) -> Iterator[None]:
     """``rackhand record``, from when it is on the bus until it has written everything."""
     inbox = judge_bus.inbox().watch_services()
-    command = [sys.executable, "-m", "services.launch", "record", str(file), "--state-dir", str(cell.state_dir)]
+    command = [
+        sys.executable,
+        "-m",
+        "rackhand.services.launch",
+        "record",
+        str(file),
+        "--state-dir",
+        str(cell.state_dir),
+    ]
     process = subprocess.Popen(command, cwd=ROOT)
     try:
         there = Presence(ServiceId("recorder", CELL), alive=True)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from schemas.world import Pause, Reset
-from services.controller.ik import load_arm
+from rackhand.schemas.world import Pause, Reset
+from rackhand.services.controller.ik import load_arm
 from tests.system.cell import Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, distance, standard

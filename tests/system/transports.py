@@ -11,9 +11,9 @@ from typing import Any, Protocol
 import httpx
 from websockets.sync.client import connect
 
-from bus import Sample
-from schemas import topics
-from schemas.motion import CrfCall, SessionGone
+from rackhand.bus import Sample
+from rackhand.schemas import topics
+from rackhand.schemas.motion import CrfCall, SessionGone
 from tests.crf_client import CrfClient
 from tests.system.station import Station
 

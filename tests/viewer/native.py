@@ -18,8 +18,8 @@ import rerun_cli
 from PIL import Image
 from rerun.experimental import ViewerClient, ViewReport
 
-from services.viewer.items import Drawing
-from services.viewer.recording import Recording
+from rackhand.services.viewer.items import Drawing
+from rackhand.services.viewer.recording import Recording
 from tests.ports import free_port
 
 DRIVER = Path("/usr/share/vulkan/icd.d/lvp_icd.x86_64.json")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas.motion import ArmModel, ControlInfo, Gripper, Holder, MotionEvent, MotionPath
-from services.viewer.arm import ArmView
-from services.viewer.blueprint import EMPTY_HALL, blueprint, shown
-from services.viewer.items import Drawing, Note, Pose, Row
-from services.viewer.picture import Cast
+from rackhand.schemas.motion import ArmModel, ControlInfo, Gripper, Holder, MotionEvent, MotionPath
+from rackhand.services.viewer.arm import ArmView
+from rackhand.services.viewer.blueprint import EMPTY_HALL, blueprint, shown
+from rackhand.services.viewer.items import Drawing, Note, Pose, Row
+from rackhand.services.viewer.picture import Cast
 from tests.viewer.test_service import UPRIGHT, arm_status, diagnostics
 
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas.base import Pose2
-from schemas.chassis import Contacts, Costmap
-from schemas.moves import MoveEvent, PlannedPath
-from services.viewer.chassis import ChassisView, prism, scan_points
-from services.viewer.items import Drawing, Note, Pose
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.chassis import Contacts, Costmap
+from rackhand.schemas.moves import MoveEvent, PlannedPath
+from rackhand.services.viewer.chassis import ChassisView, prism, scan_points
+from rackhand.services.viewer.items import Drawing, Note, Pose
 from tests.gateway import messages
 
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from schemas.world import Scene, SceneGeom
-from services.viewer.geometry import bounds, draw, grouped, quaternions_xyzw, rotation_matrices
+from rackhand.schemas.world import Scene, SceneGeom
+from rackhand.services.viewer.geometry import bounds, draw, grouped, quaternions_xyzw, rotation_matrices
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 WHITE = np.ones(4, dtype=np.float32)

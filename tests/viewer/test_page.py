@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import httpx
 import pytest
 
-from services.viewer.page import Page, address_for, policy
+from rackhand.services.viewer.page import Page, address_for, policy
 from tests.ports import free_port
 
 DATA_PORT = 9876

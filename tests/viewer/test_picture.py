@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from schemas import topics
-from schemas.topics import TOPICS, Qos, Topic
-from services.viewer.picture import DRAWN, NEWEST, NOT_DRAWN, route
+from rackhand.schemas import topics
+from rackhand.schemas.topics import TOPICS, Qos, Topic
+from rackhand.services.viewer.picture import DRAWN, NEWEST, NOT_DRAWN, route
 
 
 @pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)

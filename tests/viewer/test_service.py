@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from bus import Bus, Event, Presence, Sample
-from schemas import topics
-from schemas.motion import ArmModel, MotionDiagnostics, MotionPath, MotionStatus
-from schemas.service import BusStats, ServiceId
-from schemas.world import Clock, ObjectPose, Objects, Scene, SceneGeom
-from services.viewer.recording import Recording
-from services.viewer.service import Viewer, next_frame, numbered
+from rackhand.bus import Bus, Event, Presence, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.motion import ArmModel, MotionDiagnostics, MotionPath, MotionStatus
+from rackhand.schemas.service import BusStats, ServiceId
+from rackhand.schemas.world import Clock, ObjectPose, Objects, Scene, SceneGeom
+from rackhand.services.viewer.recording import Recording
+from rackhand.services.viewer.service import Viewer, next_frame, numbered
 from tests.gateway import messages
 from tests.viewer import reading
 

@@ -5,7 +5,7 @@ A pose becomes joint positions once (``solve_pose``), or a moving target becomes
 (``DifferentialIk.step``), within position, velocity and acceleration limits that hold whatever is asked:
 
     >>> import numpy as np
-    >>> from services.controller import ik
+    >>> from rackhand.services.controller import ik
     >>> arm = ik.load_arm("ur5e")
     >>> servo = ik.DifferentialIk(arm, dt=0.004)
     >>> target = servo.forward(arm.home)
@@ -45,11 +45,11 @@ test holds them equal to OSQP), and OSQP when rows bind. Read in this order:
     rowqp       the QP with rows, by OSQP's low-level object
 """
 
-from .arm import Arm, ArmError, Limits, Sphere, build_arm, from_mujoco, load_arm
-from .collision import Zone
-from .objectives import ObjectiveError, Objectives
-from .pose import PoseSolution, solve_pose
-from .servo import DifferentialIk, Settings, Solver, Step, forward, velocity_box
+from rackhand.services.controller.ik.arm import Arm, ArmError, Limits, Sphere, build_arm, from_mujoco, load_arm
+from rackhand.services.controller.ik.collision import Zone
+from rackhand.services.controller.ik.objectives import ObjectiveError, Objectives
+from rackhand.services.controller.ik.pose import PoseSolution, solve_pose
+from rackhand.services.controller.ik.servo import DifferentialIk, Settings, Solver, Step, forward, velocity_box
 
 __all__ = [
     "Arm",

@@ -81,7 +81,7 @@ def load_arm(name: str, compiled: mujoco.MjModel | None = None, prefix: str = ""
     and a gripper may hang on the flange) instead of from the arm's own MJCF. `tool` is the site or body to command
     (the flange).
     """
-    folder = files("worlds.arms")
+    folder = files("rackhand.worlds.arms")
     names = sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
     if name not in names:
         raise ArmError(f"no arm {name!r} in worlds/arms: expected one of {', '.join(names)}")

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.compiled import compiled
-
-from .arm import Arm, ArmError
-from .kernels import forward
+from rackhand.runtime.compiled import compiled
+from rackhand.services.controller.ik.arm import Arm, ArmError
+from rackhand.services.controller.ik.kernels import forward
 
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arm import Arm
-from .collision import add_derivative, place
-from .kernels import draw, forward, jacobian
+from rackhand.services.controller.ik.arm import Arm
+from rackhand.services.controller.ik.collision import add_derivative, place
+from rackhand.services.controller.ik.kernels import draw, forward, jacobian
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels as k
-from .arm import Arm
-from .servo import forward, limit_table
+from rackhand.services.controller.ik import kernels as k
+from rackhand.services.controller.ik.arm import Arm
+from rackhand.services.controller.ik.servo import forward, limit_table
 
 Array = NDArray[np.float64]
 

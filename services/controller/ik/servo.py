@@ -17,14 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.crf import CrfCode
-
-from . import kernels as k
-from .arm import Arm
-from .collision import Zone, build_table, collision_rows, stop_is_clear
-from .objectives import Objectives
-from .pace import pace
-from .rowqp import RowSolver
+from rackhand.schemas.crf import CrfCode
+from rackhand.services.controller.ik import kernels as k
+from rackhand.services.controller.ik.arm import Arm
+from rackhand.services.controller.ik.collision import Zone, build_table, collision_rows, stop_is_clear
+from rackhand.services.controller.ik.objectives import Objectives
+from rackhand.services.controller.ik.rowqp import RowSolver
+from rackhand.services.controller.ik.twist_scaling import pace
 
 Array = NDArray[np.float64]
 

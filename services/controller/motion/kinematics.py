@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.controller import ik
-from services.controller.ik import kernels
-from services.controller.trajectory.model import Array, Placement, Pose
+from rackhand.services.controller import ik
+from rackhand.services.controller.ik import kernels
+from rackhand.services.controller.trajectory.model import Array, Placement, Pose
 
 
 class ArmKinematics:

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from schemas.motion import ArmState, MotionDiagnostics, MotionPath
-from schemas.orientation import quaternion
-from services.controller.motion.meter import Meter, Stopwatch
-from services.controller.motion.mover import Mover
-from services.controller.motion.outline import outline
-from services.controller.trajectory.continuation import pose_error
-from services.controller.trajectory.model import Array
-from services.controller.trajectory.queue import Leg
+from rackhand.schemas.motion import ArmState, MotionDiagnostics, MotionPath
+from rackhand.schemas.orientation import quaternion
+from rackhand.services.controller.motion.executor import Mover
+from rackhand.services.controller.motion.meter import Meter, Stopwatch
+from rackhand.services.controller.motion.outline import outline
+from rackhand.services.controller.trajectory.continuation import pose_error
+from rackhand.services.controller.trajectory.model import Array
+from rackhand.services.controller.trajectory.queue import Leg
 
 
 class LoopWatch:

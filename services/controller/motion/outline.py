@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.controller.motion.kinematics import ArmKinematics
-from services.controller.trajectory.model import Array
-from services.controller.trajectory.queue import Leg, MotionQueue
-from services.controller.trajectory.stream import Motion
+from rackhand.services.controller.motion.kinematics import ArmKinematics
+from rackhand.services.controller.trajectory.model import Array
+from rackhand.services.controller.trajectory.queue import Leg, MotionQueue
+from rackhand.services.controller.trajectory.stream import Motion
 
 SPACING = 0.02  # seconds between points, unless there would be more than MOST
 MOST = 128

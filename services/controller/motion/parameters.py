@@ -7,9 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from schemas.crf import CrfCode
-from schemas.motion import ControllerParameters, Objective, ObjectiveFunctions, SphereObjective, StopConditions
-from services.controller import ik
+from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.motion import (
+    ControllerParameters,
+    Objective,
+    ObjectiveFunctions,
+    SphereObjective,
+    StopConditions,
+)
+from rackhand.services.controller import ik
 
 _STOPS_ON = {
     "stop_on_low_manipulability": CrfCode.LowManipulability,

@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schemas.motion import JointLimits as ConfiguredJointLimits
-from schemas.motion import ProfileParameters, RobotConfiguration
-from schemas.motion import TaskLimits as ConfiguredTaskLimits
-from services.controller import ik
-from services.controller.motion.kinematics import ArmKinematics
-from services.controller.trajectory import queue
-from services.controller.trajectory.model import Array, JointLimits, TaskLimits
-from services.controller.trajectory.phase import Smoothing
-from services.controller.trajectory.stream import Limits
-from services.controller.trajectory.timing import Planning
+from rackhand.schemas.motion import JointLimits as ConfiguredJointLimits
+from rackhand.schemas.motion import ProfileParameters, RobotConfiguration
+from rackhand.schemas.motion import TaskLimits as ConfiguredTaskLimits
+from rackhand.services.controller import ik
+from rackhand.services.controller.motion.kinematics import ArmKinematics
+from rackhand.services.controller.trajectory import queue
+from rackhand.services.controller.trajectory.model import Array, JointLimits, TaskLimits
+from rackhand.services.controller.trajectory.phase import Smoothing
+from rackhand.services.controller.trajectory.stream import Limits
+from rackhand.services.controller.trajectory.timing import Planning
 
 
 @dataclass(frozen=True)

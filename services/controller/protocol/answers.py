@@ -7,9 +7,9 @@ from typing import Any
 
 import msgspec
 
-from schemas.base import Message
-from schemas.motion import Expected
-from services.controller.access_types import SECOND, Verdict
+from rackhand.schemas.base import Message
+from rackhand.schemas.motion import Expected
+from rackhand.services.controller.access.types import SECOND, Verdict
 
 MAX_TEXT = 400
 

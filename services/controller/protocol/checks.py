@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 from pydantic import ValidationError
 
-from schemas import crf_requests as crf
-from schemas.codec import explain
-from schemas.motion import Parameters, RobotConfiguration
+from rackhand.schemas import crf_requests as crf
+from rackhand.schemas.codec import explain
+from rackhand.schemas.motion import Parameters, RobotConfiguration
 
 SLOWEST_PROFILE, GENTLEST_PROFILE = 0.001, 0.01
 """Least profile velocity and acceleration, of the arm's limits. Stops brake at the profile: they must end."""

@@ -13,12 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from schemas import crf_requests as crf
-from schemas.base import Message
-from schemas.crf import CrfCode
-from schemas.motion import Expected, MotionStatus, RobotConfiguration
-from services.controller.access import Access
-from services.controller.access_types import (
+from rackhand.schemas import crf_requests as crf
+from rackhand.schemas.base import Message
+from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.motion import Expected, MotionStatus, RobotConfiguration
+from rackhand.services.controller.access.access import Access
+from rackhand.services.controller.access.types import (
     SECOND,
     AccessInput,
     AtRest,
@@ -38,7 +38,7 @@ from services.controller.access_types import (
     Unlock,
     Verdict,
 )
-from services.controller.protocol.answers import (
+from rackhand.services.controller.protocol.answers import (
     Answer,
     denied,
     encode,
@@ -49,10 +49,10 @@ from services.controller.protocol.answers import (
     refused,
     reply,
 )
-from services.controller.protocol.checks import objection
-from services.controller.protocol.idempotence import Fresh, ReplyMemory
-from services.controller.protocol.parse import MAX_POINTS, Parsed, parse
-from services.controller.protocol.status_stream import StatusStream
+from rackhand.services.controller.protocol.checks import objection
+from rackhand.services.controller.protocol.idempotence import Fresh, ReplyMemory
+from rackhand.services.controller.protocol.parse import MAX_POINTS, Parsed, parse
+from rackhand.services.controller.protocol.status_stream import StatusStream
 
 _MOVING = (
     crf.AppendJointsPath, crf.AppendTaskPath, crf.SetVelocity, crf.SetTorque, crf.StartJointsControl,

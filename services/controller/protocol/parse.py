@@ -14,10 +14,10 @@ import msgspec
 from msgspec import Raw
 from pydantic import ValidationError
 
-from schemas import crf_requests as crf
-from schemas.codec import explain
-from schemas.crf import CrfCode
-from services.controller.protocol.answers import Answer, error, refused
+from rackhand.schemas import crf_requests as crf
+from rackhand.schemas.codec import explain
+from rackhand.schemas.crf import CrfCode
+from rackhand.services.controller.protocol.answers import Answer, error, refused
 
 MAX_POINTS = 2_000
 MAX_TEXT_BYTES = 2 * 1024 * 1024

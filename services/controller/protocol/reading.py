@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, wait
 from dataclasses import dataclass
 
-from services.controller.protocol.parse import Parsed
+from rackhand.services.controller.protocol.parse import Parsed
 
 LONG = 4096  # characters; what is shorter is read at once
 MAX_WAITING = 64

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schemas.motion import MotionStatus
+from rackhand.schemas.motion import MotionStatus
 
 MIN_PERIOD_MS = 2
 

@@ -20,9 +20,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.orientation import quaternion
-from services.controller.trajectory.curve import JointCurve
-from services.controller.trajectory.model import Array, Placement, Pose
+from rackhand.schemas.orientation import quaternion
+from rackhand.services.controller.trajectory.curve import JointCurve
+from rackhand.services.controller.trajectory.model import Array, Placement, Pose
 
 ANGLE_LENGTH = 0.3
 """Metres of path that a radian of pure rotation counts as: about what a wrist takes as long for."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.controller.trajectory.model import Array, JointLimits
-from services.controller.trajectory.stream import Sample
+from rackhand.services.controller.trajectory.model import Array, JointLimits
+from rackhand.services.controller.trajectory.stream import Sample
 
 
 @dataclass(frozen=True)

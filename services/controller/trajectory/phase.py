@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.compiled import compiled
-from services.controller.trajectory.model import Array
+from rackhand.runtime.compiled import compiled
+from rackhand.services.controller.trajectory.model import Array
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,20 @@ from enum import IntEnum
 
 import numpy as np
 
-from services.controller.trajectory.continuation import Continuation, pose_error
-from services.controller.trajectory.geometry import JointPath, TaskPath, Tolerance, joint_path, pose_step, task_path
-from services.controller.trajectory.joint_stop import JointStop, stop_joints
-from services.controller.trajectory.model import Array, Kinematics, PathRefused, Placement, Pose
-from services.controller.trajectory.splice import extend_joints, extend_task
-from services.controller.trajectory.stream import Limits, Motion, Sample, start_joints, start_task
-from services.controller.trajectory.timing import Planning
+from rackhand.services.controller.trajectory.continuation import Continuation, pose_error
+from rackhand.services.controller.trajectory.geometry import (
+    JointPath,
+    TaskPath,
+    Tolerance,
+    joint_path,
+    pose_step,
+    task_path,
+)
+from rackhand.services.controller.trajectory.joint_stop import JointStop, stop_joints
+from rackhand.services.controller.trajectory.model import Array, Kinematics, PathRefused, Placement, Pose
+from rackhand.services.controller.trajectory.splice import extend_joints, extend_task
+from rackhand.services.controller.trajectory.stream import Limits, Motion, Sample, start_joints, start_task
+from rackhand.services.controller.trajectory.timing import Planning
 
 _DUPLICATE = 1e-7
 _REACHED = 1e-4

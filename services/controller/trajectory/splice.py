@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.controller.trajectory.continuation import Continuation, follow
-from services.controller.trajectory.curve import JointCurve
-from services.controller.trajectory.geometry import JointPath, Legs, TaskPath, Tolerance
-from services.controller.trajectory.model import Kinematics
-from services.controller.trajectory.stream import Limits, Motion
-from services.controller.trajectory.timing import Rows, plan, rows
+from rackhand.services.controller.trajectory.continuation import Continuation, follow
+from rackhand.services.controller.trajectory.curve import JointCurve
+from rackhand.services.controller.trajectory.geometry import JointPath, Legs, TaskPath, Tolerance
+from rackhand.services.controller.trajectory.model import Kinematics
+from rackhand.services.controller.trajectory.stream import Limits, Motion
+from rackhand.services.controller.trajectory.timing import Rows, plan, rows
 
 
 def extend_joints(

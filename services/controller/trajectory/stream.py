@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.controller.trajectory.continuation import Continuation, follow
-from services.controller.trajectory.curve import JointCurve
-from services.controller.trajectory.geometry import JointPath, TaskPath, TaskState
-from services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
-from services.controller.trajectory.phase import Phase, at_rest
-from services.controller.trajectory.timing import Planning, Rows, Timed, brake, plan, rows
+from rackhand.services.controller.trajectory.continuation import Continuation, follow
+from rackhand.services.controller.trajectory.curve import JointCurve
+from rackhand.services.controller.trajectory.geometry import JointPath, TaskPath, TaskState
+from rackhand.services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
+from rackhand.services.controller.trajectory.phase import Phase, at_rest
+from rackhand.services.controller.trajectory.timing import Planning, Rows, Timed, brake, plan, rows
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from services.compiled import compiled
-from services.controller.trajectory.curve import JointCurve
-from services.controller.trajectory.geometry import TaskPath
-from services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
-from services.controller.trajectory.phase import Phase, Smoothing, at_rest, phase_from
-from services.controller.trajectory.topp import controllable, drive
+from rackhand.runtime.compiled import compiled
+from rackhand.services.controller.trajectory.curve import JointCurve
+from rackhand.services.controller.trajectory.geometry import TaskPath
+from rackhand.services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
+from rackhand.services.controller.trajectory.phase import Phase, Smoothing, at_rest, phase_from
+from rackhand.services.controller.trajectory.topp import controllable, drive
 
 _AT_REST = 1e-9
 _SAME = 1e-12

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.compiled import compiled
-from services.controller.trajectory.model import Array
+from rackhand.runtime.compiled import compiled
+from rackhand.services.controller.trajectory.model import Array
 
 _TINY = 1e-12
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from schemas.crf import CrfCode
-from schemas.motion import FencingToken, RefusalDetail
-from services.controller.access import Access
-from services.controller.access_types import (
+from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.motion import FencingToken, RefusalDetail
+from rackhand.services.controller.access.access import Access
+from rackhand.services.controller.access.types import (
     SECOND,
     AccessConfig,
     AccessInput,

@@ -14,11 +14,11 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from schemas.motion import FencingToken
-from services.controller.access import Access
-from services.controller.access_hop import LastHop
-from services.controller.access_streams import StreamGuard, StreamSample
-from services.controller.access_types import (
+from rackhand.schemas.motion import FencingToken
+from rackhand.services.controller.access.access import Access
+from rackhand.services.controller.access.hop import LastHop
+from rackhand.services.controller.access.streams import StreamGuard, StreamSample
+from rackhand.services.controller.access.types import (
     SECOND,
     AccessConfig,
     AccessInput,

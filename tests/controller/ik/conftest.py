@@ -2,7 +2,7 @@
 
 import pytest
 
-from services.controller.ik import Arm, load_arm
+from rackhand.services.controller.ik import Arm, load_arm
 
 
 @pytest.fixture(scope="session", params=["ur5e", "fr3"])

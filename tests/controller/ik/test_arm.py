@@ -8,16 +8,16 @@ import pinocchio as pin
 import pytest
 import yaml
 
-from services.controller.ik import Arm, ArmError, build_arm, forward, load_arm
-from services.controller.ik import kernels as k
+from rackhand.services.controller.ik import Arm, ArmError, build_arm, forward, load_arm
+from rackhand.services.controller.ik import kernels as k
 
 
 def spec_of(name: str) -> mujoco.MjSpec:
-    return mujoco.MjSpec.from_string((files("worlds.arms") / f"{name}.xml").read_text())
+    return mujoco.MjSpec.from_string((files("rackhand.worlds.arms") / f"{name}.xml").read_text())
 
 
 def extra_of(name: str) -> dict:
-    return yaml.safe_load((files("worlds.arms") / f"{name}.yaml").read_text())
+    return yaml.safe_load((files("rackhand.worlds.arms") / f"{name}.yaml").read_text())
 
 
 def in_a_cell(name: str) -> mujoco.MjModel:

@@ -2,7 +2,7 @@
 
 import doctest
 
-from services.controller import ik
+from rackhand.services.controller import ik
 
 
 def test_the_examples_of_the_package_run() -> None:

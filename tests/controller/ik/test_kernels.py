@@ -8,10 +8,10 @@ import scipy.sparse as sparse
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from services.controller.ik import Arm, DifferentialIk, load_arm, velocity_box
-from services.controller.ik import kernels as k
-from services.controller.ik.collision import RESERVE, Zone, build_table, collision_rows, gap
-from services.controller.ik.objectives import (
+from rackhand.services.controller.ik import Arm, DifferentialIk, load_arm, velocity_box
+from rackhand.services.controller.ik import kernels as k
+from rackhand.services.controller.ik.collision import RESERVE, Zone, build_table, collision_rows, gap
+from rackhand.services.controller.ik.objectives import (
     CollisionAvoidanceSphere,
     DesiredJointPositions,
     JointLimits,

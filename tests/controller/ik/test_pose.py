@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.controller.ik import Arm, forward, solve_pose
+from rackhand.services.controller.ik import Arm, forward, solve_pose
 
 
 def test_random_pairs_are_all_solved(arm: Arm) -> None:

@@ -5,12 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas.crf import CrfCode
-from services.controller.ik import Arm, DifferentialIk, ObjectiveError, Settings, Solver, Zone, forward, load_arm
-from services.controller.ik import kernels as k
-from services.controller.ik.collision import gap
-
-from .motion import eased, follow, moved, twist_between
+from rackhand.schemas.crf import CrfCode
+from rackhand.services.controller.ik import (
+    Arm,
+    DifferentialIk,
+    ObjectiveError,
+    Settings,
+    Solver,
+    Zone,
+    forward,
+    load_arm,
+)
+from rackhand.services.controller.ik import kernels as k
+from rackhand.services.controller.ik.collision import gap
+from tests.controller.ik.motion import eased, follow, moved, twist_between
 
 _ARMS = {name: load_arm(name) for name in ("ur5e", "fr3")}
 _ZONES = (Zone((-0.45, 0.25, 0.3), 0.1), Zone((0.0, 0.0, 0.3), 0.8, keep_in=True))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.controller import ik
-from services.controller.motion.kinematics import ArmKinematics
-from services.controller.motion.outline import MOST, outline
-from services.controller.motion.profile import Profile, path_arm
-from services.controller.trajectory.model import Pose
-from services.controller.trajectory.queue import Method, MotionQueue, Reference
+from rackhand.services.controller import ik
+from rackhand.services.controller.motion.kinematics import ArmKinematics
+from rackhand.services.controller.motion.outline import MOST, outline
+from rackhand.services.controller.motion.profile import Profile, path_arm
+from rackhand.services.controller.trajectory.model import Pose
+from rackhand.services.controller.trajectory.queue import Method, MotionQueue, Reference
 
 ARM = ik.load_arm("ur5e")
 KINEMATICS = ArmKinematics(ARM)

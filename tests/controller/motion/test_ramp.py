@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.controller.motion.ramp import Ramp
+from rackhand.services.controller.motion.ramp import Ramp
 
 DT = 0.004
 A, J = np.array([7.5, 5.0, 20.0]), np.array([500.0, 300.0, 800.0])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from schemas import crf_requests as crf
-from schemas.motion import Expected, MotionStatus, RobotConfiguration
-from services.controller.access import Access
-from services.controller.access_types import SECOND, AccessConfig, StopMotion
-from services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
+from rackhand.schemas import crf_requests as crf
+from rackhand.schemas.motion import Expected, MotionStatus, RobotConfiguration
+from rackhand.services.controller.access.access import Access
+from rackhand.services.controller.access.types import SECOND, AccessConfig, StopMotion
+from rackhand.services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
 from tests.schemas.test_motion import configuration, status
 
 ARM = RobotConfiguration.model_validate(configuration())

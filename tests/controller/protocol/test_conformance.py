@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from schemas.motion import FencingToken
-from services.controller.access_streams import StreamGuard, StreamSample
+from rackhand.schemas.motion import FencingToken
+from rackhand.services.controller.access.streams import StreamGuard, StreamSample
 from tests.controller.protocol.bench import BAD, OK, PATH, Bench
 
 

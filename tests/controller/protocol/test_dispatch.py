@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas import crf_requests as crf
-from schemas.motion import Expected, MotionEvent
-from schemas.orientation import Representation
-from services.controller.access_types import SECOND, StopMotion
-from services.controller.protocol.answers import event
-from services.controller.protocol.checks import parameters_of
-from services.controller.protocol.dispatch import alias
-from services.controller.protocol.status_stream import StatusStream
+from rackhand.schemas import crf_requests as crf
+from rackhand.schemas.motion import Expected, MotionEvent
+from rackhand.schemas.orientation import Representation
+from rackhand.services.controller.access.types import SECOND, StopMotion
+from rackhand.services.controller.protocol.answers import event
+from rackhand.services.controller.protocol.checks import parameters_of
+from rackhand.services.controller.protocol.dispatch import alias
+from rackhand.services.controller.protocol.status_stream import StatusStream
 from tests.controller.protocol.bench import BAD, IDLE, OK, PATH, Bench
 
 POSE = {"Position": [0.3, 0, 0.5], "Orientation": {"Quaternion": {"W": 1, "X": 0, "Y": 0, "Z": 0}}}

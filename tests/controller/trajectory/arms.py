@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.controller.trajectory.continuation import pose_error
-from services.controller.trajectory.model import Array, JointLimits, Pose
+from rackhand.services.controller.trajectory.continuation import pose_error
+from rackhand.services.controller.trajectory.model import Array, JointLimits, Pose
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.controller.trajectory.continuation import follow, pose_error
-from services.controller.trajectory.geometry import TaskPath, Tolerance, rotation_exp, task_path
-from services.controller.trajectory.model import Array, JointLimits, PathRefused, Pose
+from rackhand.services.controller.trajectory.continuation import follow, pose_error
+from rackhand.services.controller.trajectory.geometry import TaskPath, Tolerance, rotation_exp, task_path
+from rackhand.services.controller.trajectory.model import Array, JointLimits, PathRefused, Pose
 from tests.controller.trajectory.arms import FR3, FR3_HOME, FR3_LIMITS, UR5E, UR5E_HOME, UR5E_LIMITS, Chain
 
 ARMS = pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.controller.trajectory.geometry import (
+from rackhand.services.controller.trajectory.geometry import (
     Tolerance,
     joint_path,
     pose_step,
@@ -13,7 +13,7 @@ from services.controller.trajectory.geometry import (
     rotation_log,
     task_path,
 )
-from services.controller.trajectory.model import Array, Pose
+from rackhand.services.controller.trajectory.model import Array, Pose
 
 TOLERANCE = Tolerance(joint=0.05, position=0.01, angle=0.05)
 SEEDS = st.integers(0, 10_000)

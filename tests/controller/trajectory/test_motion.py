@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.controller.trajectory.continuation import pose_error
-from services.controller.trajectory.geometry import Tolerance, joint_path, rotation_exp, task_path
-from services.controller.trajectory.joint_stop import stop_joints
-from services.controller.trajectory.model import Array, PathRefused, Pose, TaskLimits
-from services.controller.trajectory.splice import extend_joints, extend_task
-from services.controller.trajectory.stream import Limits, Motion, Sample, start_joints, start_task
-from services.controller.trajectory.timing import Planning
+from rackhand.services.controller.trajectory.continuation import pose_error
+from rackhand.services.controller.trajectory.geometry import Tolerance, joint_path, rotation_exp, task_path
+from rackhand.services.controller.trajectory.joint_stop import stop_joints
+from rackhand.services.controller.trajectory.model import Array, PathRefused, Pose, TaskLimits
+from rackhand.services.controller.trajectory.splice import extend_joints, extend_task
+from rackhand.services.controller.trajectory.stream import Limits, Motion, Sample, start_joints, start_task
+from rackhand.services.controller.trajectory.timing import Planning
 from tests.controller.trajectory.arms import FR3, FR3_LIMITS, UR5E, UR5E_HOME, UR5E_LIMITS
 from tests.controller.trajectory.helpers import record
 

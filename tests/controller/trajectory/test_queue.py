@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.controller.trajectory.continuation import pose_error
-from services.controller.trajectory.geometry import JointPath, TaskPath
-from services.controller.trajectory.joint_stop import JointStop
-from services.controller.trajectory.model import Array, PathRefused, Pose, TaskLimits
-from services.controller.trajectory.queue import Arm, Method, MotionQueue, Reference
-from services.controller.trajectory.stream import Limits, Motion
+from rackhand.services.controller.trajectory.continuation import pose_error
+from rackhand.services.controller.trajectory.geometry import JointPath, TaskPath
+from rackhand.services.controller.trajectory.joint_stop import JointStop
+from rackhand.services.controller.trajectory.model import Array, PathRefused, Pose, TaskLimits
+from rackhand.services.controller.trajectory.queue import Arm, Method, MotionQueue, Reference
+from rackhand.services.controller.trajectory.stream import Limits, Motion
 from tests.controller.trajectory.arms import UR5E, UR5E_HOME, UR5E_LIMITS
 from tests.controller.trajectory.helpers import record
 

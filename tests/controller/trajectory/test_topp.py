@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from services.controller.trajectory.geometry import Tolerance, joint_path
-from services.controller.trajectory.model import Array
-from services.controller.trajectory.phase import Phase, Smoothing, at_rest, phase_from
-from services.controller.trajectory.timing import Planning, plan, rows
-from services.controller.trajectory.topp import controllable, drive
+from rackhand.services.controller.trajectory.geometry import Tolerance, joint_path
+from rackhand.services.controller.trajectory.model import Array
+from rackhand.services.controller.trajectory.phase import Phase, Smoothing, at_rest, phase_from
+from rackhand.services.controller.trajectory.timing import Planning, plan, rows
+from rackhand.services.controller.trajectory.topp import controllable, drive
 from tests.controller.trajectory.arms import FR3_LIMITS, UR5E_LIMITS
 
 

@@ -8,8 +8,16 @@
 Shapes: n joints; a pose is (3, 4) = [R | p]; twists are (linear, angular), of the tool in its own axes unless said.
 """
 
-from .box import acceleration_box, braked, cholesky, cholesky_solve, position_box, solve_box, walk_faces
-from .chain import (
+from rackhand.services.controller.ik.kernels.box import (
+    acceleration_box,
+    braked,
+    cholesky,
+    cholesky_solve,
+    position_box,
+    solve_box,
+    walk_faces,
+)
+from rackhand.services.controller.ik.kernels.chain import (
     curve,
     forward,
     jacobian,
@@ -20,8 +28,8 @@ from .chain import (
     pose_gap,
     weighted,
 )
-from .search import nearest, search
-from .tick import (
+from rackhand.services.controller.ik.kernels.search import nearest, search
+from rackhand.services.controller.ik.kernels.tick import (
     BOX,
     CHOLESKY,
     DAMPING,

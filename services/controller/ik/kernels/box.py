@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from services.compiled import compiled
+from rackhand.runtime.compiled import compiled
 
 PROJECTED = 12  # steps of projected Newton, which seldom takes more than six
 

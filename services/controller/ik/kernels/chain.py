@@ -7,9 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from services.compiled import compiled
-
-from .box import cholesky
+from rackhand.runtime.compiled import compiled
+from rackhand.services.controller.ik.kernels.box import cholesky
 
 Array = NDArray[np.float64]
 

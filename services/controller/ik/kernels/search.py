@@ -7,10 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from services.compiled import compiled
-
-from .box import solve_box
-from .chain import forward, jacobian, lengths, normal_matrix, pose_error
+from rackhand.runtime.compiled import compiled
+from rackhand.services.controller.ik.kernels.box import solve_box
+from rackhand.services.controller.ik.kernels.chain import forward, jacobian, lengths, normal_matrix, pose_error
 
 Array = NDArray[np.float64]
 

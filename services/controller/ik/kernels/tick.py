@@ -7,10 +7,25 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from services.compiled import compiled
-
-from .box import acceleration_box, braked, cholesky, cholesky_solve, position_box, solve_box
-from .chain import curve, forward, jacobian, lengths, manipulability, normal_matrix, pose_error, pose_gap
+from rackhand.runtime.compiled import compiled
+from rackhand.services.controller.ik.kernels.box import (
+    acceleration_box,
+    braked,
+    cholesky,
+    cholesky_solve,
+    position_box,
+    solve_box,
+)
+from rackhand.services.controller.ik.kernels.chain import (
+    curve,
+    forward,
+    jacobian,
+    lengths,
+    manipulability,
+    normal_matrix,
+    pose_error,
+    pose_gap,
+)
 
 # Entries of the vector of tuning.
 DT, WEIGHTS, DAMPING, LM_DAMPING, SINGULAR_DAMPING, SINGULAR_AT, LEAP, TUNING = 0, 1, 7, 8, 9, 10, 11, 12

@@ -1,0 +1,68 @@
+"""Compilation of hot loops, for every service that has some.
+
+Machine code is made at a function's first call and kept on disk beside its module, so that the next process has it at
+once. numba keeps it as long as the function's own file stays as it is, even where a function it calls has changed in
+another: here it is kept only while every module that the function's module imports, directly or not, stays as it is.
+
+`NUMBA_DISABLE_JIT=1` runs everything as plain Python.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import inspect
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from numba import njit
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """The function as machine code. It may call others that its module imports from this project."""
+    dispatcher = njit(cache=True)(function)
+    if not inspect.isfunction(dispatcher):
+        kept = dispatcher._cache._cache_file
+        kept._source_stamp = (kept._source_stamp, _stamp_of(Path(inspect.getfile(function)), function.__module__))
+    return cast("F", dispatcher)
+
+
+@cache
+def _stamp_of(file: Path, module: str) -> str:
+    """Changes with the file and with every module of this project that it imports, directly or not."""
+    sources, unread = {file}, [file]
+    while unread:
+        for imported in _imports(unread.pop(), module):
+            if imported not in sources:
+                sources.add(imported)
+                unread.append(imported)
+    stamp = hashlib.blake2b(digest_size=16)
+    for source in sorted(sources):
+        stamp.update(source.name.encode() + b"\0" + source.read_bytes())
+    return stamp.hexdigest()
+
+
+@cache
+def _imports(file: Path, importer: str) -> tuple[Path, ...]:
+    """Files of the modules that ``file`` imports and that belong to the project of the module ``importer``."""
+    project = importer.partition(".")[0]
+    files = []
+    for name in _imported_names(ast.parse(file.read_bytes())):
+        source = getattr(sys.modules.get(name), "__file__", None)
+        if source and (name.partition(".")[0] == project or Path(source).parent == file.parent):
+            files.append(Path(source))
+    return tuple(files)
+
+
+def _imported_names(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)

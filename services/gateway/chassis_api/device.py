@@ -1,0 +1,124 @@
+"""The device: what it is, what it can do, and how far it has booted."""
+
+from __future__ import annotations
+
+import math
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+from fastapi import APIRouter
+from pydantic import BaseModel
+
+from rackhand.schemas.chassis import ChassisModel
+from rackhand.services.gateway.context import Gateway
+from rackhand.services.gateway.http.errors import failures, unavailable
+from rackhand.services.gateway.state import State
+from rackhand.services.gateway.ws.topics import footprint
+
+router = APIRouter(prefix="/device", tags=["device"])
+
+# What this server does, in the API's words.
+CAPS = (
+    "supportsWsV2",
+    "supportsWheelStateTopic",
+    "supportsSetControlModeService",
+    "supportsSetEmergencyStopService",
+    "supportsEnableTopicList",
+    "supportsJack",
+    "supportsDynamicFootprints",
+    "supportsCachedTopics",
+)
+
+
+class BootLog(BaseModel):
+    stamp: float
+    progress: float
+    msg: str
+
+
+class BootProgress(BaseModel):
+    """``progress`` is the share of the expected services that are there."""
+
+    start_time: float
+    progress: float
+    logs: list[BootLog]
+
+
+@router.get("/info", responses=failures(404, 503))
+async def device_info(gateway: Gateway) -> dict[str, Any]:
+    """What this robot is. 503 until its driver has told its body."""
+    robot = gateway.chassis
+    model = gateway.state.facts.model
+    if model is None:
+        raise unavailable(f"the driver of {robot} has not told its body yet")
+    return {**device_info_brief(gateway.state), "robot": _robot(model), "caps": dict.fromkeys(CAPS, True)}
+
+
+@router.get("/info/brief", responses=failures())
+async def device_brief(gateway: Gateway) -> dict[str, Any]:
+    return device_info_brief(gateway.state)
+
+
+@router.get("/boot_progress", responses=failures())
+async def boot_progress(gateway: Gateway) -> BootProgress:
+    """How much of the cell is there. Always 200."""
+    state = gateway.state
+    logs = [
+        BootLog(stamp=known.since, progress=_progress(state), msg=f"{service} is {'up' if known.alive else 'down'}")
+        for service, known in sorted(state.services.items(), key=lambda item: item[1].since)
+    ]
+    return BootProgress(start_time=state.started, progress=_progress(state), logs=logs)
+
+
+def device_info_brief(state: State) -> dict[str, Any]:
+    profile = state.facts.model.profile if state.facts.model is not None else "unknown"
+    return {
+        "rosversion": "",
+        "rosdistro": "",
+        "axbot_version": _version(),
+        "device": {"model": profile, "sn": state.robot, "name": state.robot},
+        "baseboard": {"firmware_version": _version()},
+        "wheel_control": {"device_type": "differential", "firmware_version": _version()},
+        "lidar": {"model": "2d"},
+        "bottom_sensor_pack": {"firmware_version": ""},
+        "depth_camera": {"firmware_version": ""},
+        "remote_params": {"tags": []},
+    }
+
+
+def _robot(model: ChassisModel) -> dict[str, Any]:
+    corners = np.asarray(model.footprint)
+    return {
+        "footprint": footprint(model),
+        "inscribed_radius": round(inscribed_radius(corners), 4),
+        "wheel_distance": model.wheel_separation,
+        "width": round(float(np.ptp(corners[:, 1])), 4) if len(corners) else 0.0,
+    }
+
+
+def inscribed_radius(corners: np.ndarray[Any, Any]) -> float:
+    """Distance from the chassis' origin to the nearest edge of its outline, in metres."""
+    distances = [
+        _distance_to_edge(begin, end) for begin, end in zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    ]
+    return min(distances, default=0.0)
+
+
+def _distance_to_edge(begin: np.ndarray[Any, Any], end: np.ndarray[Any, Any]) -> float:
+    edge = end - begin
+    length_squared = float(edge @ edge)
+    along = 0.0 if length_squared == 0 else min(max(float(-begin @ edge) / length_squared, 0.0), 1.0)
+    return math.hypot(*(begin + along * edge))
+
+
+def _progress(state: State) -> float:
+    expected = state.expected
+    return sum(map(state.is_alive, expected)) / len(expected) if expected else 1.0
+
+
+def _version() -> str:
+    try:
+        return version("rackhand")
+    except PackageNotFoundError:  # run from a bare source tree
+        return "0"

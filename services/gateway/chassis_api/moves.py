@@ -1,0 +1,78 @@
+"""``/chassis/moves``: create, list, look at, cancel."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query
+
+from rackhand.schemas import topics
+from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveRequest
+from rackhand.services.gateway.chassis_api.models import MAX_ID, CancelBody, Cancelled, MoveBody, MoveFull, MoveShort
+from rackhand.services.gateway.context import Context, Gateway
+from rackhand.services.gateway.http.errors import failures, not_found
+
+router = APIRouter(prefix="/chassis/moves", tags=["moves"])
+
+MoveId = Annotated[int, Path(ge=0, le=MAX_ID, description="the id that POST returned")]
+
+
+@router.post("", status_code=201, responses=failures(400, 413, 503))
+async def create_move(body: MoveBody, gateway: Gateway) -> MoveFull:
+    """Begin a move; the one that runs, if any, is cancelled. There is no queue.
+
+    A target that is well formed but cannot be reached is taken, and the move then fails saying why.
+    """
+    move = await _one(gateway, MoveRequest(request=CreateMove(move=body.to_message())))
+    # Some clients subscribe only now, and take the first end they are told of for that of their move.
+    await gateway.hub.wait_for_move(move.id, gateway.settings.planning_state_timeout)
+    return MoveFull.of(move)
+
+
+@router.get("", responses=failures(400, 503))
+async def list_moves(
+    gateway: Gateway,
+    offset: Annotated[int, Query(ge=0, le=MAX_ID, description="leave out this many of the newest")] = 0,
+    limit: Annotated[int | None, Query(ge=1, le=MAX_ID, description="at most this many; all if not given")] = None,
+) -> list[MoveShort]:
+    """All moves, newest first, without their targets."""
+    reply = await gateway.ask(topics.MOVES, MoveRequest(request=ListMoves(offset=offset, limit=limit)))
+    return [MoveShort.of(move) for move in reply.moves]
+
+
+@router.get("/current", responses=failures(404, 503))
+async def current_move(gateway: Gateway) -> MoveFull:
+    """The move that runs; 404 as soon as it has ended."""
+    return MoveFull.of(await _one(gateway, MoveRequest(request=GetMove())))
+
+
+@router.get("/latest", include_in_schema=False)  # in no document, but some clients ask
+async def latest_move(gateway: Gateway) -> MoveFull:
+    """The newest move, running or not."""
+    return MoveFull.of(await _one(gateway, MoveRequest(request=ListMoves(limit=1))))
+
+
+@router.get("/{move_id}", responses=failures(404, 503))
+async def get_move(move_id: MoveId, gateway: Gateway) -> MoveFull:
+    return MoveFull.of(await _one(gateway, MoveRequest(request=GetMove(id=move_id))))
+
+
+@router.patch("/current", responses=failures(400, 404, 413, 503))
+async def cancel_current_move(_body: CancelBody, gateway: Gateway) -> Cancelled:
+    """Cancel the move that runs; 404 when none does."""
+    await _one(gateway, MoveRequest(request=CancelMove()))
+    return Cancelled()
+
+
+@router.patch("/{move_id}", responses=failures(400, 404, 413, 503))
+async def cancel_move(move_id: MoveId, _body: CancelBody, gateway: Gateway) -> Cancelled:
+    """Cancel this move if it is the one that runs; 400 when it has ended."""
+    await _one(gateway, MoveRequest(request=CancelMove(id=move_id)))
+    return Cancelled()
+
+
+async def _one(gateway: Context, request: MoveRequest) -> Move:
+    reply = await gateway.ask(topics.MOVES, request)
+    if not reply.moves:
+        raise not_found("there is no such move")
+    return reply.moves[0]

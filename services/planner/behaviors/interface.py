@@ -1,0 +1,101 @@
+"""What the moves of a chassis and its navigation say to each other: plain values, no bus, no clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rackhand.schemas.base import Pose2, Twist2
+from rackhand.schemas.chassis import Costmap, Scan
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.maps import MapData
+from rackhand.schemas.moves import StuckState
+
+
+class MoveFailed(Exception):
+    """A move cannot go on: the reason clients get as a number, and the text that says what, where and by how much."""
+
+    def __init__(self, reason: MoveFailReason, text: str) -> None:
+        super().__init__(f"{reason.rest_name}: {text}")
+        self.reason = reason
+        self.text = text
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Where to be in the map. ``None`` for x, y: stay there and rotate; ``None`` for yaw: any heading.
+
+    ``accuracy`` in metres. ``zone``: done as soon as within ``accuracy``, without stopping at the point or rotating.
+    ``rotate_in_place``: turn without any linear velocity.
+    """
+
+    x: float | None = None
+    y: float | None = None
+    yaw: float | None = None
+    accuracy: float = 0.03
+    zone: bool = False
+    rotate_in_place: bool = False
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What is known at one tick. Stamps in ns; the scan is the newest one (its own stamp may be older), or none yet."""
+
+    stamp: int
+    pose: Pose2
+    pose_stamp: int
+    odometry: Pose2
+    twist: Twist2
+    scan: Scan | None
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What navigation wants now, and how far it is."""
+
+    twist: Twist2
+    arrived: bool = False
+    remaining_distance: float = 0.0
+    stuck_state: StuckState = "none"
+    path: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    replanned: bool = False
+    viewport_blocked: bool = False
+
+
+STANDSTILL = Twist2(linear=0.0, angular=0.0)
+Phase = Literal["planning", "driving", "rotating", "done"]
+
+
+class Navigator(Protocol):
+    """Drives one chassis to one goal at a time. Raises ``MoveFailed``; never publishes, never reads a clock."""
+
+    def set_map(self, data: MapData | None) -> None:
+        """Use this map with its overlays (or none) from now on. Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that
+        cannot be read. Forgets what was observed on the former one."""
+
+    def set_footprint(self, footprint: NDArray[np.float64]) -> None:
+        """The convex body polygon, (n, 2) metres in the chassis frame."""
+
+    def begin_anew(self) -> None:
+        """Another run of the driver has begun: forget the goal and all that was measured."""
+
+    def start(self, goal: Goal, seen: Observation) -> None:
+        """Begin a move. Raises ``MoveFailed`` for what is wrong at once (no map, outside, not in ground, no way)."""
+
+    def tick(self, seen: Observation) -> Progress:
+        """One control step of the running move: the body twist to command now."""
+
+    def observe(self, seen: Observation) -> None:
+        """No move runs: keep the picture of the surroundings fresh."""
+
+    def brake(self, seen: Observation) -> Twist2:
+        """A twist that comes to rest within the deceleration limits (cancel, pause, emergency)."""
+
+    def stop(self) -> None:
+        """Forget the goal."""
+
+    def costmap(self, stamp: int) -> Costmap | None:
+        """What it steers by around the chassis; None without a map."""

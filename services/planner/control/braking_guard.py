@@ -1,0 +1,129 @@
+"""The last check, independent of how a command came about: may the chassis still stop in time with the exact body?"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rackhand.runtime.compiled import compiled
+from rackhand.schemas.base import Twist2
+from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.map.grid import Geometry, Mask
+from rackhand.services.planner.settings import NavigationSettings
+
+Array = NDArray[np.float64]
+STEP = 0.04  # s
+WORSE = 1e-6  # m; a trajectory is to blame only if it comes nearer than standing still would
+# Where something comes at the chassis anyway, getting away must not be vetoed because a corner swings out first.
+WORSE_MOVING = 0.15
+TURN_REACH = 0.5  # m that turning alone can bring a corner nearer to something beside
+TURNING_STOP = 1.0  # s that stopping a turn can take
+LOOK_ON = 0.3  # s after standstill for things that move
+
+
+def braking_is_free(
+    pose: Pose,
+    measured: Twist2,
+    command: Twist2,
+    hold: float,
+    obstacles: Array,
+    body_edges: Array,
+    settings: NavigationSettings,
+) -> bool:
+    """Whether braking after ``hold`` seconds of this command hits nothing.
+
+    ``obstacles``: rows x, y (map frame), vx, vy (m/s), margin (m). Something is hit when it comes nearer to the body
+    than its margin and nearer than it would if the chassis stood still, so leaving a tight place is not forbidden.
+    """
+    a, c = settings.actuation, settings.control
+    return bool(
+        _braking_is_free(
+            pose, measured.linear, measured.angular, command.linear, command.angular, hold + a.latency, a.lag,
+            -c.max_forward_decel, c.max_angular_acc, obstacles, body_edges,
+        )
+    )  # fmt: skip
+
+
+@compiled
+def _distance(body_edges: Array, pose: Pose, x: float, y: float) -> float:
+    """Metres from the body to a point by its sides (a lower bound of the distance at corners; negative inside)."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    bx = c * (x - pose[0]) + s * (y - pose[1])
+    by = -s * (x - pose[0]) + c * (y - pose[1])
+    largest = -1e9
+    for e in range(body_edges.shape[0]):
+        largest = max(largest, body_edges[e, 0] * bx + body_edges[e, 1] * by - body_edges[e, 2])
+    return largest
+
+
+@compiled
+def _within_reach(
+    start: Pose, speed: float, hold: float, lag: float, decel: float, obstacles: Array, body_edges: Array
+) -> Array:
+    """The obstacles that can matter: nearer than the stop is long and than they come in that time."""
+    duration = hold + 3.0 * lag + speed / decel + TURNING_STOP + LOOK_ON
+    reach = TURN_REACH + speed * (hold + 3.0 * lag) + speed * speed / (2.0 * decel)
+    kept = np.empty_like(obstacles)
+    n = 0
+    for k in range(obstacles.shape[0]):
+        coming = math.hypot(obstacles[k, 2], obstacles[k, 3]) * duration + obstacles[k, 4]
+        if _distance(body_edges, start, obstacles[k, 0], obstacles[k, 1]) < reach + coming:
+            kept[n] = obstacles[k]
+            n += 1
+    return kept[:n]
+
+
+@compiled
+def _braking_is_free(
+    start: Pose, v: float, w: float, v_command: float, w_command: float, hold: float, lag: float, decel: float,
+    turn_decel: float, obstacles: Array, body_edges: Array,
+) -> bool:  # fmt: skip
+    obstacles = _within_reach(start, max(abs(v), abs(v_command)), hold + lag, lag, decel, obstacles, body_edges)
+    pose = start.copy()
+    time = 0.0
+    still = 0.0
+    while still < LOOK_ON:
+        if time >= hold:
+            before = v_command
+            v_command = math.copysign(max(abs(v_command) - decel * STEP, 0.0), v_command)
+            kept = w_command * (v_command / before) if abs(before) > 1e-9 else 0.0
+            w_command += min(max(kept - w_command, -turn_decel * STEP), turn_decel * STEP)
+        v += (v_command - v) * min(1.0, STEP / lag)
+        w += (w_command - w) * min(1.0, STEP / lag)
+        pose[0] += v * math.cos(pose[2] + 0.5 * w * STEP) * STEP
+        pose[1] += v * math.sin(pose[2] + 0.5 * w * STEP) * STEP
+        pose[2] += w * STEP
+        time += STEP
+        if abs(v) < 0.01 and abs(w) < 0.02 and time >= hold:
+            still += STEP
+        for k in range(obstacles.shape[0]):
+            x = obstacles[k, 0] + obstacles[k, 2] * time
+            y = obstacles[k, 1] + obstacles[k, 3] * time
+            away = _distance(body_edges, pose, x, y)
+            if away >= obstacles[k, 4]:
+                continue
+            worse = WORSE if obstacles[k, 2] == 0.0 and obstacles[k, 3] == 0.0 else WORSE_MOVING
+            if away < _distance(body_edges, start, x, y) - worse:
+                return False
+    return True
+
+
+def nearby_cells(blocked: Mask, geometry: Geometry, window: tuple[slice, slice]) -> Array:
+    """Centres of blocked cells in a window, rows x, y."""
+    rows, columns = np.nonzero(blocked)
+    return np.column_stack(
+        [
+            geometry.x + (columns + (window[1].start or 0) + 0.5) * geometry.resolution,
+            geometry.y + (rows + (window[0].start or 0) + 0.5) * geometry.resolution,
+        ]
+    )
+
+
+def as_obstacles(points: Array, margin: float) -> Array:
+    """Points at rest as rows for the check."""
+    rows = np.zeros((len(points), 5))
+    rows[:, :2] = points
+    rows[:, 4] = margin
+    return rows

@@ -1,0 +1,52 @@
+"""Whether a move gets on: what it is stuck with, and when patience ends."""
+
+from __future__ import annotations
+
+from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.moves import StuckState
+from rackhand.services.planner.behaviors.interface import MoveFailed, Phase
+from rackhand.services.planner.settings import NavigationSettings
+
+GAIN = 0.05  # m or rad that count as getting on
+
+
+class ProgressWatch:
+    """Counts the time since something last got smaller: the way left, or the angle left of a turn on the spot."""
+
+    def __init__(self, settings: NavigationSettings, stamp: int) -> None:
+        self._settings = settings
+        self._best = float("inf")
+        self._since = stamp
+        self._what = ""
+
+    def update(self, stamp: int, what: str, left: float) -> None:
+        """``what`` names the thing measured; another thing begins anew, but only getting on resets the clock."""
+        if what != self._what:
+            self._what, self._best = what, left
+        elif left < self._best - GAIN:
+            self._best, self._since = left, stamp
+
+    def restart(self, stamp: int) -> None:
+        self._since = stamp
+
+    def renew(self) -> None:
+        """The way is another one now: measure it from its own length."""
+        self._what = ""
+
+    def standing(self, stamp: int) -> float:
+        """Seconds without getting on."""
+        return (stamp - self._since) / NANOSECONDS
+
+    def stuck_state(self, stamp: int, phase: Phase) -> StuckState:
+        if self.standing(stamp) < self._settings.stuck_after:
+            return "none"
+        return "target_spin_stucked" if phase == "rotating" else "move_stucked"
+
+    def check(self, stamp: int, phase: Phase, text: str) -> None:
+        """Raises ``MoveFailed`` when patience is over."""
+        standing = self.standing(stamp)
+        if phase == "rotating" and standing > self._settings.rotate_timeout:
+            raise MoveFailed(MoveFailReason.ROTATE_TIMEOUT, f"no nearer to the heading for {standing:.0f} s: {text}")
+        if phase == "driving" and standing > self._settings.move_timeout:
+            raise MoveFailed(MoveFailReason.MOVE_TIMEOUT, f"a way, but no headway for {standing:.0f} s: {text}")

@@ -1,0 +1,90 @@
+"""Answers requests about maps, and hands the map in use to navigation."""
+
+from __future__ import annotations
+
+from rackhand.schemas.maps import (
+    CreateMap,
+    DeleteMap,
+    GetMap,
+    ListMaps,
+    MapData,
+    MapReply,
+    MapRequest,
+    PatchMap,
+    SelectMap,
+    UseMapData,
+)
+from rackhand.services.planner.behaviors.interface import MoveFailed, Navigator
+from rackhand.services.planner.errors import RequestRefused
+from rackhand.services.planner.map.check import check_map, check_overlays
+from rackhand.services.planner.map.store import MapStore, unstored
+
+
+class MapDesk:
+    """The map store and the navigator kept in step. ``changes`` counts how often the map in use was set anew."""
+
+    def __init__(self, store: MapStore, navigator: Navigator) -> None:
+        self._store = store
+        self._navigator = navigator
+        self.trouble: str | None = None
+        self.changes = 0
+
+    @property
+    def current(self) -> MapData | None:
+        return self._store.current
+
+    def load(self) -> None:
+        """Give navigation the map in use anew; it forgets what it saw. A map it cannot read becomes ``trouble``."""
+        self.trouble = None
+        try:
+            self._navigator.set_map(self.current)
+        except MoveFailed as failed:
+            self.trouble = failed.text
+            self._navigator.set_map(None)
+
+    def answer(self, request: MapRequest, now: int) -> MapReply:
+        """Raises ``RequestRefused``; then nothing has changed."""
+        match request.request:
+            case ListMaps():
+                return MapReply(maps=self._store.list())
+            case GetMap(id=int(map_id)):
+                return MapReply(data=self._store.get(map_id))
+            case GetMap():
+                if self.current is None:
+                    raise RequestRefused("not_found", "no map is in use")
+                return MapReply(data=self.current)
+            case CreateMap() as created:
+                check_map(created)
+                return MapReply(data=self._store.create(created, now))
+            case PatchMap(id=map_id, map_name=name, overlays=overlays):
+                if overlays is not None:
+                    check_overlays(overlays)
+                return MapReply(data=self._store.patch(map_id, name, overlays, now))
+            case DeleteMap(id=map_id):
+                self._store.delete(map_id)
+                return MapReply()
+            case SelectMap(id=None, uid=None):
+                return self._use(None)
+            case SelectMap() as choice:
+                return self._use(self._chosen(choice))
+            case UseMapData(map=created):
+                check_map(created)
+                return self._use(unstored(created, now))
+
+    def _chosen(self, choice: SelectMap) -> MapData:
+        data = self._store.get_by_uid(choice.uid or "") if choice.id is None else self._store.get(choice.id)
+        if choice.uid is not None and choice.uid != data.uid:
+            raise RequestRefused("invalid", f"map {data.id} has the uid {data.uid!r}, not {choice.uid!r}")
+        return data
+
+    def _use(self, data: MapData | None) -> MapReply:
+        """Selecting counts as a change even if it is the same map: it is how patched overlays are taken up."""
+        try:
+            self._navigator.set_map(data)
+        except MoveFailed as failed:
+            self.load()
+            raise RequestRefused("invalid", f"the map cannot be driven by: {failed.text}") from None
+        self._store.use(data)
+        self.trouble = None
+        self.changes += 1
+        return MapReply(data=data)

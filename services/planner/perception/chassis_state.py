@@ -1,0 +1,75 @@
+"""What is known of the chassis: the newest of everything its driver and its localiser have told."""
+
+from __future__ import annotations
+
+from rackhand.schemas.base import NANOSECONDS, Message
+from rackhand.schemas.chassis import Battery, ChassisModel, Contacts, Jack, LocalisedPose, Odometry, Scan
+from rackhand.services.planner.behaviors.interface import Observation
+
+POSE_TIMEOUT_NS = NANOSECONDS // 2
+QUALITY_LOST = 1
+
+
+class Sensed:
+    """The newest message of each kind."""
+
+    def __init__(self) -> None:
+        self.model: ChassisModel | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Another run of the driver has begun. Its body stays the same; all that was measured is void."""
+        self.odometry: Odometry | None = None
+        self.pose: LocalisedPose | None = None
+        self.scan: Scan | None = None
+        self.jack: Jack | None = None
+        self.battery: Battery | None = None
+        self.contacts: Contacts | None = None
+
+    def take(self, message: Message) -> bool:
+        """Keep a message. False if it is none of those kept here."""
+        name = _KEPT.get(type(message))
+        if name is not None:
+            setattr(self, name, message)
+        return name is not None
+
+    def observation(self) -> Observation | None:
+        """What navigation is to know now, or None before odometry and a pose have come."""
+        if self.odometry is None or self.pose is None:
+            return None
+        return Observation(
+            stamp=self.odometry.stamp,
+            pose=self.pose.pose,
+            pose_stamp=self.pose.stamp,
+            odometry=self.odometry.pose,
+            twist=self.odometry.twist,
+            scan=self.scan,
+        )
+
+    def pose_trouble(self) -> str | None:
+        """Why the robot does not know where it is; None when it does."""
+        if self.odometry is None:
+            return "the chassis' driver has not been heard"
+        if self.pose is None:
+            return "no localised pose has been heard"
+        if self.pose.quality == QUALITY_LOST:
+            return "the localiser has lost the position"
+        age = self.odometry.stamp - self.pose.stamp
+        if age > POSE_TIMEOUT_NS:
+            return f"the last localised pose is {age / NANOSECONDS:.1f} s old"
+        return None
+
+    @property
+    def power_cable(self) -> bool:
+        return self.contacts is not None and self.contacts.power_cable
+
+
+_KEPT: dict[type[Message], str] = {
+    Odometry: "odometry",
+    LocalisedPose: "pose",
+    Scan: "scan",
+    Jack: "jack",
+    Battery: "battery",
+    Contacts: "contacts",
+    ChassisModel: "model",
+}

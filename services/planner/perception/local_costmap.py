@@ -1,0 +1,102 @@
+"""What is around the chassis now: the map, what is observed on it, and a distance field of the near part."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rackhand.schemas.chassis import Scan
+from rackhand.services.planner.control.braking_guard import as_obstacles, nearby_cells
+from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.geometry.se2 import Pose, compose
+from rackhand.services.planner.geometry.se2 import pose as as_pose
+from rackhand.services.planner.map.grid import Geometry, Mask, StaticMap
+from rackhand.services.planner.perception.dynamic_obstacles import Movers
+from rackhand.services.planner.perception.observed import ObservedObstacles
+from rackhand.services.planner.planning.distance_grid import Room
+from rackhand.services.planner.settings import NavigationSettings
+
+Array = NDArray[np.float64]
+WINDOW = 5.5  # m to each side
+
+
+class Surroundings:
+    """Keeps map and observation together; ``look`` at each new scan, ``refresh`` before asking about clearances."""
+
+    def __init__(self, static: StaticMap, settings: NavigationSettings) -> None:
+        self.static = static
+        self.observed = ObservedObstacles(static, settings)
+        self.movers = Movers()
+        self._velocities: Array = np.empty((0, 2))
+        self._settings = settings
+        self._cells: Array = np.empty((0, 2))
+        self.mapped = Room.of(static.blocked, static.geometry)
+        self.near = self.mapped
+
+    def look(self, scan: Scan, chassis: Pose, footprint: Footprint) -> None:
+        """Take a scan that was seen with the chassis at that pose."""
+        self.observed.integrate(scan, chassis, footprint.edges)
+        sensor = compose(chassis, as_pose(scan.sensor))[:2]
+        self._velocities = self.movers.update(self.observed, sensor, scan.stamp)
+        for mover in self.movers.moving:
+            self.observed.shorten(mover.position, mover.radius + 0.3)
+
+    def refresh(self, pose: Pose) -> None:
+        """Distances and cells around the pose, from map and observation as they are now."""
+        g = self.static.geometry
+        row, column = g.cell(pose[0], pose[1])
+        reach = int(WINDOW / g.resolution)
+        r0, r1 = _span(row, reach, g.rows)
+        c0, c1 = _span(column, reach, g.columns)
+        window = (slice(r0, r1), slice(c0, c1))
+        blocked = self._standing(window)
+        x, y = g.x + c0 * g.resolution, g.y + r0 * g.resolution
+        self.near = Room.of(blocked, Geometry(x, y, g.resolution, *blocked.shape))
+        self._cells = nearby_cells(blocked, g, window)
+
+    def blocked(self) -> Mask:
+        """Map and what stands on it, everywhere; what moves will be elsewhere."""
+        return self._standing((slice(0, self.static.geometry.rows), slice(0, self.static.geometry.columns)))
+
+    def _standing(self, window: tuple[slice, slice]) -> Mask:
+        g = self.static.geometry
+        observed = self.observed.occupied(window)
+        for mover in self.movers.moving:
+            row, column = g.cell(mover.position[0], mover.position[1])
+            reach = math.ceil((mover.radius + 0.25) / g.resolution)
+            r0, c0 = window[0].start, window[1].start
+            rows = slice(max(row - reach - r0, 0), max(row + reach + 1 - r0, 0))
+            observed[rows, max(column - reach - c0, 0) : max(column + reach + 1 - c0, 0)] = False
+        return observed | self.static.blocked[window]
+
+    def obstacles(self, pose: Pose) -> Array:
+        """Rows x, y, vx, vy, margin of everything within reach of a stop: cells by their edge, hits as they are."""
+        s = self._settings
+        cells = as_obstacles(self._within(self._cells, pose), 0.5 * self.static.geometry.resolution + s.cell_margin)
+        hits = as_obstacles(self.observed.points, s.hit_margin)
+        hits[:, 2:4] = self._velocities
+        hits[np.abs(self._velocities).any(axis=1), 4] = s.mover_margin
+        return np.vstack([cells, self._within(hits, pose)])
+
+    def _within(self, points: Array, pose: Pose) -> Array:
+        near: Array = points[(np.abs(points[:, :2] - pose[:2]) < self._settings.safety_radius).all(axis=1)]
+        return near
+
+    def speed_limit(self, pose: Pose) -> float:
+        """m/s where the chassis is."""
+        row, column = self.static.geometry.cell(pose[0], pose[1])
+        limits = self.static.speed_limit
+        inside = 0 <= row < limits.shape[0] and 0 <= column < limits.shape[1]
+        return float(limits[row, column]) if inside else float("inf")
+
+
+def _span(middle: int, reach: int, size: int) -> tuple[int, int]:
+    return min(max(middle - reach, 0), size), max(min(middle + reach + 1, size), 0)
+
+
+def is_usable(scan: Scan, min_valid_fraction: float) -> bool:
+    """Whether enough beams returned something: a lidar that sees nothing at all is blind, not free."""
+    ranges = scan.ranges
+    return bool(ranges.size) and float(np.mean((ranges > 0.0) & np.isfinite(ranges))) >= min_valid_fraction

@@ -1,0 +1,57 @@
+"""What is wrong with a start or a goal before anything is planned (reasons 3-7)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.services.planner.behaviors.interface import Goal, MoveFailed
+from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.geometry.se2 import Pose, wrap
+from rackhand.services.planner.perception.local_costmap import Surroundings
+from rackhand.services.planner.planning.plan import Target
+from rackhand.services.planner.settings import NavigationSettings
+
+START_OVERLAP = 0.05  # m of the body in mapped things that noise of pose and map may explain
+
+
+def check_start(around: Surroundings, footprint: Footprint, start: Pose) -> None:
+    """Raises 3 outside the grid, 5 where the body stands in what is no ground."""
+    where = f"the chassis is at ({start[0]:.2f}, {start[1]:.2f})"
+    g = around.static.geometry
+    if not g.contains(start[0], start[1]):
+        raise MoveFailed(MoveFailReason.STARTING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(around)}")
+    free = around.mapped.clearance(footprint, start)
+    if around.static.blocked[g.cell(start[0], start[1])] or free < -START_OVERLAP:
+        raise MoveFailed(
+            MoveFailReason.STARTING_POINT_NOT_IN_GROUND, f"{where}, where its body overlaps no-ground by {-free:.2f} m"
+        )
+
+
+def check_goal(around: Surroundings, footprint: Footprint, target: Target, s: NavigationSettings) -> None:
+    """Raises 4 outside the grid, 6 where the body would stand in what is no ground."""
+    where = f"the goal is at ({target.x:.2f}, {target.y:.2f})"
+    g = around.static.geometry
+    if not g.contains(target.x, target.y):
+        raise MoveFailed(MoveFailReason.ENDING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(around)}")
+    lack = footprint.inscribed - around.mapped.at(target.x, target.y)
+    if target.yaw is not None:
+        lack = max(lack, -around.mapped.clearance(footprint, np.array([target.x, target.y, target.yaw])))
+    if around.static.blocked[g.cell(target.x, target.y)] or lack > -s.ground_margin:
+        raise MoveFailed(
+            MoveFailReason.ENDING_POINT_NOT_IN_GROUND, f"{where}, where the body lacks {lack:.2f} m of ground"
+        )
+
+
+def is_there(start: Pose, goal: Goal, target: Target, s: NavigationSettings) -> bool:
+    """Whether the chassis is at the goal already: within its accuracy, and 2 degrees if it has a heading."""
+    away = math.hypot(target.x - start[0], target.y - start[1])
+    turned = goal.yaw is None or abs(wrap(goal.yaw - start[2])) <= s.equal_yaw
+    return away <= goal.accuracy and turned
+
+
+def _extent(around: Surroundings) -> str:
+    g = around.static.geometry
+    return f"({g.x:.2f}, {g.y:.2f}) to ({g.x + g.columns * g.resolution:.2f}, {g.y + g.rows * g.resolution:.2f})"

@@ -1,0 +1,243 @@
+"""One arm at run time: what it is told, what its drives do, and what it measures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+
+from rackhand.schemas.motion import ArmCommand, ArmState, Gripper
+from rackhand.services.sim.arm.fence import Fence
+from rackhand.services.sim.arm.kinds import ArmKind
+from rackhand.services.sim.arm.servo import (
+    HOLD,
+    POSITION,
+    STREAM_SLACK,
+    VELOCITY,
+    Array,
+    JointLimits,
+    Joints,
+    Reference,
+    hold_to,
+    let_torques,
+    plan,
+)
+from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
+from rackhand.services.sim.errors import WorldFileError
+from rackhand.services.sim.mjcf.arm_model import CUP, FORCE, SEALS, SUCTION, SUCTION_FORCE, TOOL, TORQUE
+
+# Commands come each 2 … 20 ms (s); before the second one has come, the interval is taken to be this.
+SHORTEST, LONGEST, FIRST_INTERVAL = 0.002, 0.02, 0.004
+# For so many intervals without a command a stream is taken to be late and goes on as it went; then it has ended.
+COASTS = 2
+
+Mode = Literal["position", "velocity", "torque", "hold"]
+_PLANS = {"position": POSITION, "velocity": VELOCITY}
+
+
+@dataclass(frozen=True)
+class Order:
+    """A command in force. ``velocity``: with which the stream that it belongs to passes the position, 0 of a joint that
+    jumps there; ``slope``: how fast it has come there, NaN of a stream's first; ``interval``: seconds since the command
+    before it.
+    """
+
+    mode: Mode
+    values: Array
+    answers: int
+    velocity: Array
+    slope: Array
+    interval: float
+
+
+class Arm:
+    """An arm of one model and data. ``home``: joint positions it starts with.
+
+    Its servo is a computed-torque law at every physics step: mass matrix and bias forces are those of the physics, and
+    the torque limits hold for the sum.
+    """
+
+    def __init__(self, name: str, kind: ArmKind, home: tuple[float, ...], model: Any, data: Any) -> None:
+        self.name, self.kind = name, kind
+        self._model, self._data = model, data
+        self._find_addresses()
+        self.limits = self._read_limits()
+        self._check_home(home)
+        # Whether the gripper's pump is on, and whether something seals its cup so that it pulls.
+        self._suction = self._holding = False
+        self._fence = Fence()
+        self._order: Order | None = None
+        self._taken: Order | None = None  # the order that the present segment follows
+        self._mode: Mode = "hold"
+        self._step = float(model.opt.timestep)
+        data.qpos[self._qpos] = home
+        self._torque, self._none = np.zeros(self.n), np.zeros(self.n)
+        self._reference = Reference.at(np.array(home), self._none, self._step)
+        self._coasts = 0  # how many segments more a stream may be late
+        # Compiled here, for no command is to wait for it.
+        self._plan("hold", None, ahead=0.0)
+        let_torques(self._none, self._now, self.limits, self._torque)
+        hold_to(self._reference, self._now, self.limits, self._step, self._torque)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.kind.home)
+
+    def _find_addresses(self) -> None:
+        model, prefix = self._model, f"{self.name}/"
+        joints = [i for i in range(model.njnt) if model.joint(i).name.startswith(prefix)]
+        if len(joints) != self.n:
+            raise WorldFileError(f"arm {self.name}: home has {self.n} values, the MJCF {len(joints)} joints")
+        first, dof = int(model.jnt_qposadr[joints[0]]), int(model.jnt_dofadr[joints[0]])
+        self._joints = np.array(joints)
+        self._qpos, self._qvel = slice(first, first + self.n), slice(dof, dof + self.n)
+        motors = {int(model.actuator_trnid[i, 0]): i for i in range(model.nu)
+                  if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT}  # fmt: skip
+        self._motors = np.array([motors[joint] for joint in joints])
+        # The arm is a serial chain, so that its rows of the sparse mass matrix are a dense lower triangle.
+        row, data = int(model.M_rowadr[dof]), self._data
+        self._now = Joints(
+            data.qpos[self._qpos],
+            data.qvel[self._qvel],
+            data.M[row : row + self.n * (self.n + 1) // 2],
+            data.qfrc_bias[self._qvel],
+            data.qfrc_passive[self._qvel],
+            model.dof_damping[self._qvel],
+        )
+        self._force, self._moment = (int(model.sensor(prefix + kind).adr[0]) for kind in (FORCE, TORQUE))
+        names = {model.actuator(i).name: i for i in range(model.nu)}
+        self._pump = names.get(prefix + SUCTION)
+        self._cup = -1 if self._pump is None else int(model.geom(prefix + CUP).id)
+        self._tool = int(model.site(prefix + TOOL).id)
+        geoms = [i for i in range(model.ngeom) if model.geom(i).name.startswith(prefix)]
+        # What the cup touches it is meant to touch.
+        self.geoms = np.array([i for i in geoms if model.geom(i).name != prefix + CUP])
+
+    def _read_limits(self) -> JointLimits:
+        model = self._model
+        return JointLimits(
+            np.array(model.jnt_range[self._joints, 0]),
+            np.array(model.jnt_range[self._joints, 1]),
+            np.array(self.kind.velocity),
+            np.array(self.kind.acceleration),
+            np.array(model.jnt_actfrcrange[self._joints, 1]),
+        )
+
+    def _check_home(self, home: tuple[float, ...]) -> None:
+        if np.any(home < self.limits.lower) or np.any(home > self.limits.upper):
+            raise WorldFileError(f"arms.{self.name}.home: {home} is not within the joints' ranges")
+
+    # -- what it is told ---------------------------------------------------------------------------------------------
+
+    def fault_of(self, command: ArmCommand) -> str:
+        """What is wrong with a command in itself; empty if nothing is."""
+        if len(command.values) != self.n:
+            return f"{len(command.values)} values; {self.name} has {self.n} joints"
+        if not np.isfinite(command.values).all():
+            return "values that are not finite"
+        return ""
+
+    def command(self, command: ArmCommand) -> bool:
+        """Take a command. False if it is malformed, or of a grant that a newer one replaced."""
+        if self.fault_of(command) or not self._fence.admit(command.token, command.answers):
+            return False
+        self._suction = command.suction
+        values, before = np.array(command.values), self._order
+        if command.mode == "position":
+            values = np.clip(values, self.limits.lower, self.limits.upper)
+        gap = FIRST_INTERVAL if before is None else (command.answers - before.answers) * 1e-9
+        interval = min(max(gap, SHORTEST), LONGEST) if before is None or gap > 0 else before.interval
+        velocity, slope = np.zeros(self.n), np.full(self.n, np.nan)
+        if before is not None and before.mode == command.mode == "position":
+            slope = (values - before.values) / gap if gap > 0 else before.slope
+            # At the end of the interval the stream is faster than on average by half of what it gained.
+            gained, most = np.nan_to_num(slope - before.slope), self.limits.acceleration * interval
+            streams = (np.abs(gained) <= STREAM_SLACK * most) & (np.abs(slope) <= 1.001 * self.limits.velocity)
+            velocity = np.where(streams, slope + np.clip(gained, -most, most) / 2, 0.0)
+        self._order = Order(command.mode, values, command.answers, velocity, slope, interval)
+        return True
+
+    def silence(self) -> None:
+        """Nobody commands it any more: it brakes at once. What its gripper holds it goes on holding."""
+        self._order = None
+
+    # -- what it does ------------------------------------------------------------------------------------------------
+
+    def begin(self, stamp: int) -> None:
+        """What the instant that begins at ``stamp`` is to bring."""
+        order = self._order
+        if order is not None and stamp - order.answers >= COMMAND_LIFE_NS:
+            order = self._order = None
+        mode: Mode = "hold" if order is None else order.mode
+        if self._mode == "torque" and mode != "torque":
+            # What the reference was before is forgotten.
+            self._reference = Reference.at(self._now.position, self._now.velocity, self._step)
+        if mode != self._mode or order is not self._taken:
+            self._coasts = COASTS
+            self._plan(mode, order, ahead=0.0 if order is None else (stamp - order.answers) * 1e-9)
+        self._mode, self._taken = mode, order
+
+    def servo(self) -> None:
+        """Set the motors for one physics step, whose positions and velocities are computed already (``mj_step1``)."""
+        if self._mode == "torque" and self._taken is not None:
+            let_torques(self._taken.values, self._now, self.limits, self._torque)
+        else:
+            time, duration = self._reference.timing
+            if time > duration - self._step / 2:
+                self._go_on()
+            hold_to(self._reference, self._now, self.limits, self._step, self._torque)
+        control = self._data.ctrl
+        control[self._motors] = self._torque
+        if self._pump is not None:
+            self._holding = self._suction and self._is_sealed()
+            control[self._pump] = float(self._holding)
+
+    def _plan(self, mode: Mode, order: Order | None, ahead: float, ended: bool = False) -> None:
+        """The next segment, from the present reference on. ``ahead``: by how many seconds the stream is further than
+        its newest command says; ``ended``: it is not, that was its last.
+        """
+        self._ahead = ahead
+        interval = FIRST_INTERVAL if order is None else order.interval
+        duration = max(round(interval / self._step), 1) * self._step
+        values = passing = self._none
+        if order is not None:
+            passing = self._none if ended else order.velocity
+            values = order.values + passing * ahead if order.mode == "position" else order.values
+        plan(self._reference, _PLANS.get(mode, HOLD), values, passing, self.limits, duration)
+
+    def _go_on(self) -> None:
+        """A segment has ended and no command has come: the stream is late, or has ended."""
+        order = self._taken
+        if order is not None and self._coasts:
+            self._coasts -= 1
+            self._plan(self._mode, order, ahead=self._ahead + self._reference.timing[1])
+        else:
+            self._plan(self._mode, order, ahead=0.0, ended=True)
+
+    def _is_sealed(self) -> bool:
+        """Whether something faces the mouth of the cup; at its side it would only draw air."""
+        contact = self._data.contact
+        normals = contact.frame[(contact.geom == self._cup).any(axis=1), :3]
+        along = np.abs(normals @ self._data.site_xmat[self._tool][2::3])
+        return bool((along > SEALS).any())
+
+    # -- what it measures --------------------------------------------------------------------------------------------
+
+    def state(self, stamp: int) -> ArmState:
+        """``efforts`` are the motors' torques; ``wrench`` is what the tool (its weight included) does to the flange."""
+        sensed = self._data.sensordata
+        # MuJoCo's sensors measure what the flange does to the tool, and leave out the pull of an adhesion, which acts
+        # along the cup's axis.
+        pull = np.array([0.0, 0.0, SUCTION_FORCE if self._holding else 0.0])
+        force, moment = -sensed[self._force : self._force + 3], -sensed[self._moment : self._moment + 3]
+        return ArmState(
+            stamp=stamp,
+            q=tuple(self._now.position.tolist()),
+            dq=tuple(self._now.velocity.tolist()),
+            efforts=tuple(self._torque.tolist()),
+            wrench=(*(force + pull).tolist(), *moment.tolist()),
+            gripper=None if self._pump is None else Gripper(suction=self._suction, holding=self._holding),
+        )

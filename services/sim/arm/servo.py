@@ -1,0 +1,236 @@
+"""The arithmetic of an arm's servo: short segments that its reference follows, and torques that hold the joints to it.
+
+Arrays are (n,), one entry a joint: rad, rad/s, rad/s², N·m; times in seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rackhand.runtime.compiled import compiled
+
+Array = NDArray[np.float64]
+
+# What a segment is planned for.
+HOLD, POSITION, VELOCITY = 0, 1, 2
+# A stream of positions at its acceleration limit, sampled and with jitter, asks for more than the limit between two
+# samples. Within this factor it is followed to the letter; beyond it, as a jump.
+STREAM_SLACK = 4.0
+# The servo's poles, rad/s: fast beside any motion, slow beside its period of 1 ms.
+BANDWIDTH = 100.0
+# A joint that is held back drags its reference along at this distance (rad), instead of winding up.
+MAX_ERROR = 0.05
+
+
+class JointLimits(NamedTuple):
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+
+
+class Joints(NamedTuple):
+    """An arm's part of the physics' own arrays. ``mass``: the lower triangle of the mass matrix, row by row."""
+
+    position: Array
+    velocity: Array
+    mass: Array
+    bias: Array
+    passive: Array
+    damping: Array
+
+
+class Reference(NamedTuple):
+    """What the joints are held to; written in place.
+
+    ``position`` is where it is, ``rate`` the difference of its last two positions over time, ``held_back`` which joints
+    it had to wait for. It follows a cubic from ``start``, left with the velocity ``leave``, to ``end``, reached with
+    ``arrive``; beyond its end it stands. ``timing``: seconds into that segment, and its duration.
+    """
+
+    position: Array
+    rate: Array
+    held_back: NDArray[np.bool_]
+    start: Array
+    leave: Array
+    end: Array
+    arrive: Array
+    timing: Array
+
+    @classmethod
+    def at(cls, position: Array, velocity: Array, step: float) -> Reference:
+        """At this position, passed with this velocity. Nothing is planned beyond the next ``step``."""
+        p, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
+        return cls(p, v, np.zeros(len(p), np.bool_), p.copy(), v.copy(), p + v * step, v.copy(), np.array([0.0, step]))
+
+
+@compiled
+def plan(reference: Reference, mode: int, values: Array, passing: Array, limits: JointLimits, duration: float) -> None:
+    """The next segment of the reference, from where it is.
+
+    ``POSITION``: to ``values``, passed with the velocities ``passing``. Where they can be reached within the segment,
+    and the joint can then stop before the end of its range, they are; else it draws near what passes there within its
+    limits of velocity and acceleration: it can always brake to the velocity ``passing`` when it has caught up.
+    ``VELOCITY``: to ``values``, so that the joint can always stop before the end of its range. ``HOLD``: to standstill,
+    as hard as the acceleration limits allow.
+    """
+    for j in range(len(reference.position)):
+        p, v = reference.position[j], _velocity(reference, j)
+        lower, upper, acceleration = limits.lower[j], limits.upper[j], limits.acceleration[j]
+        if mode == POSITION:
+            fastest = limits.velocity[j]
+            p1, v1 = _towards(p, v, values[j], passing[j], lower, upper, fastest, acceleration, duration)
+        elif mode == VELOCITY:
+            wanted = values[j]
+            room = max(upper - p if wanted > 0 else p - lower, 0.0)
+            most = _stopping_speed(room, _sign(wanted) * v, limits.velocity[j], acceleration, duration)
+            # Streams are followed to the letter up to the slack; the braking before the end of the range is within it.
+            p1, v1 = _accelerate(p, v, _clip(wanted, -most, most), STREAM_SLACK * acceleration, duration)
+        else:
+            p1, v1 = _accelerate(p, v, 0.0, acceleration, duration)
+        reference.start[j], reference.leave[j], reference.end[j], reference.arrive[j] = p, v, p1, v1
+    reference.timing[0], reference.timing[1] = 0.0, duration
+
+
+@compiled
+def hold_to(reference: Reference, joints: Joints, limits: JointLimits, step: float, torque: Array) -> None:
+    """Go one step along the reference, and write the torques that hold the joints to it into ``torque``.
+
+    Its velocities are differences of its positions, as those of the physics. A computed-torque law: mass matrix times
+    the acceleration wanted, and bias forces. The physics takes the joints' damping implicitly, as part of the mass.
+    """
+    n = len(torque)
+    wanted = np.empty(n)
+    reference.timing[0] += step
+    for j in range(n):
+        at, speed = joints.position[j], joints.velocity[j]
+        p, rate, planned = reference.position[j], reference.rate[j], _position(reference, j)
+        p_next = _clip(planned, at - MAX_ERROR, at + MAX_ERROR)
+        # The reference of a joint that is held back stands, or the joint's own shaking would drive it.
+        held_back = p_next != planned
+        rate_next = 0.0 if held_back else (p_next - p) / step
+        acceleration = 0.0 if held_back or reference.held_back[j] else (rate_next - rate) / step
+        wanted[j] = acceleration + BANDWIDTH**2 * (p - at) + 2 * BANDWIDTH * (rate - speed)
+        reference.position[j], reference.rate[j], reference.held_back[j] = p_next, rate_next, held_back
+    _times_mass(joints.mass, wanted, torque)
+    for j in range(n):
+        implicit = step * joints.damping[j] * wanted[j]
+        torque[j] = _clip(
+            torque[j] + implicit + joints.bias[j] - joints.passive[j], -limits.torque[j], limits.torque[j]
+        )
+
+
+@compiled
+def let_torques(asked: Array, joints: Joints, limits: JointLimits, torque: Array) -> None:
+    """Write ``asked`` on top of the bias forces into ``torque``.
+
+    Torques know no speed: a joint that one has driven beyond its velocity limit is braked.
+    """
+    n = len(torque)
+    braking = np.empty(n)
+    for j in range(n):
+        speed = joints.velocity[j]
+        braking[j] = -3 * BANDWIDTH * (speed - _clip(speed, -limits.velocity[j], limits.velocity[j]))
+    _times_mass(joints.mass, braking, torque)
+    for j in range(n):
+        most = limits.torque[j]
+        torque[j] = _clip(_clip(asked[j], -most, most) + joints.bias[j] + torque[j], -most, most)
+
+
+@compiled
+def _times_mass(mass: Array, vector: Array, product: Array) -> None:
+    """The symmetric matrix whose lower triangle is ``mass`` times the vector."""
+    product[:] = 0.0
+    entry = 0
+    for i in range(len(vector)):
+        for j in range(i):
+            product[i] += mass[entry] * vector[j]
+            product[j] += mass[entry] * vector[i]
+            entry += 1
+        product[i] += mass[entry] * vector[i]
+        entry += 1
+
+
+@compiled
+def _position(reference: Reference, j: int) -> float:
+    """Where the segment is now."""
+    time, duration = reference.timing
+    s = min(time / duration, 1.0)
+    rise, leave, arrive = s * s * (3 - 2 * s), s * (1 - s) ** 2 * duration, s * s * (s - 1) * duration
+    ends = reference.start[j] * (1 - rise) + reference.end[j] * rise
+    return float(ends + reference.leave[j] * leave + reference.arrive[j] * arrive)
+
+
+@compiled
+def _velocity(reference: Reference, j: int) -> float:
+    """The velocity of the segment now; none of a joint that is held back."""
+    if reference.held_back[j]:
+        return 0.0
+    time, duration = reference.timing
+    s = min(time / duration, 1.0)
+    way = (reference.end[j] - reference.start[j]) / duration
+    ends = (1 - s) * (1 - 3 * s) * reference.leave[j] + s * (3 * s - 2) * reference.arrive[j]
+    return float(6 * s * (1 - s) * way + ends)
+
+
+@compiled
+def _towards(
+    p: float,
+    v: float,
+    target: float,
+    passing: float,
+    lower: float,
+    upper: float,
+    fastest: float,
+    acceleration: float,
+    duration: float,
+) -> tuple[float, float]:
+    """Position and velocity at the end of a segment on the way to ``target``."""
+    target, passing = _clip(target, lower, upper), _clip(passing, -fastest, fastest)
+    way = target - p
+    reach = STREAM_SLACK * acceleration * duration**2 / 2
+    at_hand = abs(way - v * duration) <= reach and abs(way) <= fastest * duration * 1.001
+    room = upper - target if passing > 0 else target - lower
+    if at_hand and abs(passing) <= math.sqrt(2 * acceleration * room) + acceleration * duration:
+        return target, passing
+    # As one sees it who moves with what is to be caught up.
+    behind = way - passing * duration
+    closing = _stopping_speed(abs(behind), _sign(behind) * (v - passing), fastest, acceleration, duration)
+    wanted = passing + _sign(behind) * closing
+    room = max(upper - p if wanted > 0 else p - lower, 0.0)
+    most = _stopping_speed(room, _sign(wanted) * v, fastest, acceleration, duration)
+    return _accelerate(p, v, _clip(wanted, -most, most), acceleration, duration)
+
+
+@compiled
+def _accelerate(p: float, v: float, wanted: float, acceleration: float, duration: float) -> tuple[float, float]:
+    """Position and velocity ``duration`` later, on the way to the velocity ``wanted``."""
+    change = acceleration * duration
+    v1 = v + _clip(wanted - v, -change, change)
+    return p + (v + v1) / 2 * duration, v1
+
+
+@compiled
+def _stopping_speed(room: float, speed: float, fastest: float, acceleration: float, duration: float) -> float:
+    """The greatest speed at the segment's end from which braking ends within ``room``, ``speed`` being that of now.
+
+    From v²/2a + (speed + v)/2·T = room.
+    """
+    step = acceleration * duration
+    below_root = max(step**2 / 4 + acceleration * (2 * room - speed * duration), 0.0)
+    return _clip(math.sqrt(below_root) - step / 2, 0.0, fastest)
+
+
+@compiled
+def _clip(value: float, least: float, most: float) -> float:
+    return min(max(value, least), most)
+
+
+@compiled
+def _sign(value: float) -> float:
+    return 1.0 if value > 0 else -1.0 if value < 0 else 0.0

@@ -1,0 +1,149 @@
+"""Kinds of chassis as data (``worlds/chassis/*.yaml``). Chassis frame: x forward, y left, z up, origin on the floor
+midway between the driven wheels. SI units.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from rackhand.services.sim.errors import WorldFileError
+from rackhand.services.sim.world.worldfile import (
+    Data,
+    Point,
+    PoseTuple,
+    Positive,
+    Size3,
+    World,
+    read_model,
+    worlds_root,
+)
+
+
+class Body(Data):
+    """A box l×w×h whose underside is ``clearance`` above the floor; ``centre`` is its middle in the chassis frame."""
+
+    size: Size3
+    clearance: Positive
+    mass: Positive
+    centre: Point = (0.0, 0.0)
+
+
+class Drive(Data):
+    """Two driven wheels. ``acceleration``, ``deceleration`` (m/s²) and ``angular_acceleration`` (rad/s²) are what the
+    drive itself holds to. ``braking`` (m/s² of each wheel's rim) is how it stops when it must: as
+    hard as the wheels' grip allows, and a little more. ``gain`` (N·m·s/rad) of the
+    velocity servo: gain · timestep must stay below ``rotor_inertia`` (kg·m², of motor and gear, at the wheel), or a
+    servo at its torque limit chatters.
+    """
+
+    wheel_radius: Positive
+    wheel_separation: Positive
+    wheel_width: Positive = 0.04
+    wheel_mass: Positive = 1.0
+    max_linear: Positive
+    max_angular: Positive
+    acceleration: Positive
+    deceleration: Positive
+    angular_acceleration: Positive
+    braking: Positive
+    torque: Positive
+    gain: Positive
+    rotor_inertia: Positive
+    friction: Positive = 0.9
+
+
+class Casters(Data):
+    radius: Positive
+    positions: Annotated[tuple[Point, ...], Field(min_length=1)]
+
+
+class JackKind(Data):
+    """A plate l×w×h on a slide; the spindle takes ``duration`` seconds for ``stroke``."""
+
+    stroke: Positive
+    duration: Positive
+    plate: Size3
+    mass: Positive
+    force: Positive
+
+
+class LidarKind(Data):
+    """``pose`` in the chassis frame at ``height``; ``view`` is the angle that is seen; ``noise`` 1σ in metres."""
+
+    pose: PoseTuple
+    height: Positive
+    beams: Annotated[int, Field(gt=1)]
+    view: Annotated[float, Field(gt=0, le=2 * math.pi + 1e-6)]
+    range_max: Positive = 25.0
+    noise: Annotated[float, Field(ge=0)] = 0.01
+
+    @property
+    def whole_circle(self) -> bool:
+        return self.view > 2 * math.pi - 1e-3
+
+    @property
+    def angle_min(self) -> float:
+        return -self.view / 2
+
+    @property
+    def angle_step(self) -> float:
+        """Between beams; on a whole circle the last beam must not fall on the first."""
+        return self.view / (self.beams if self.whole_circle else self.beams - 1)
+
+
+class BatteryKind(Data):
+    """Capacity in Wh; consumption in W at rest, W per m/s of speed, W while the jack moves; charging power in W."""
+
+    capacity: Positive
+    voltage_empty: Positive
+    voltage_full: Positive
+    idle: Positive
+    per_speed: Positive
+    jacking: Annotated[float, Field(ge=0)] = 0.0
+    charging: Positive
+
+
+class Profile(Data):
+    name: str
+    body: Body
+    drive: Drive
+    casters: Casters
+    jack: JackKind | None = None
+    lidar: LidarKind
+    battery: BatteryKind
+
+    @property
+    def footprint(self) -> NDArray[np.float64]:
+        """The outline of the body, (4, 2), counter-clockwise in the chassis frame."""
+        length, width, _ = self.body.size
+        corners = np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]) * (length / 2, width / 2)
+        return np.asarray(corners + np.array(self.body.centre), dtype=np.float64)
+
+
+def known_profiles() -> list[str]:
+    return sorted(path.stem for path in (worlds_root() / "chassis").glob("*.yaml"))
+
+
+def load_profiles(world: World, override: str | None = None) -> dict[str, Profile]:
+    """Robot → its profile, or ``override`` for all of them. Raises ``WorldFileError``."""
+    if override is not None:
+        return dict.fromkeys(world.robots, load_profile(override))
+    profiles = {}
+    for robot, place in world.robots.items():
+        try:
+            profiles[robot] = load_profile(place.profile)
+        except WorldFileError as error:
+            raise WorldFileError(f"world {world.name}: robots.{robot}.profile: {error}") from None
+    return profiles
+
+
+def load_profile(name: str) -> Profile:
+    """The profile of that name. Raises ``WorldFileError``."""
+    if name not in known_profiles():
+        raise WorldFileError(f"chassis profile {name!r} is not known; known: {known_profiles()}")
+    return read_model(Profile, worlds_root() / "chassis" / f"{name}.yaml")

@@ -1,0 +1,236 @@
+"""One chassis at run time: what it is told, what its wheels and jack do, and what its sensors say."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.chassis import (
+    Battery,
+    ChassisCommand,
+    ChassisModel,
+    Contacts,
+    Imu,
+    Jack,
+    LocalisedPose,
+    Odometry,
+    Scan,
+)
+from rackhand.services.sim.chassis import drive
+from rackhand.services.sim.chassis.battery import BatteryModel
+from rackhand.services.sim.chassis.drive import WheelTargets
+from rackhand.services.sim.chassis.lidar import Lidar
+from rackhand.services.sim.chassis.noise import NoiseSettings, PoseNoise, generator
+from rackhand.services.sim.chassis.odometer import Odometer
+from rackhand.services.sim.chassis.profiles import Profile
+from rackhand.services.sim.mjcf.chassis_model import WHEELS
+from rackhand.services.sim.mjcf.geometry import wrap
+from rackhand.services.sim.mjcf.scene import yaw_quaternion
+from rackhand.services.sim.world.worldfile import PoseTuple
+
+GRAVITY = 9.81
+POSE_PERIOD = 0.04
+QUALITY_EXCELLENT = 10
+
+
+class Robot:
+    """A chassis of one model and data. ``dock_poses``: where its charging contacts meet a charger's."""
+
+    def __init__(
+        self,
+        name: str,
+        profile: Profile,
+        model: Any,
+        data: Any,
+        seed: int,
+        noise: NoiseSettings,
+        battery: float,
+        dock_poses: tuple[PoseTuple, ...],
+    ) -> None:
+        self.name, self.profile = name, profile
+        self.faults: set[str] = set()
+        self.command: ChassisCommand | None = None
+        self.body = int(model.body(name).id)
+        self.hull = int(model.geom(f"{name}/hull").id)
+        self._model, self._data = model, data
+        self._dock_poses = dock_poses
+        self._find_addresses()
+        self._targets = WheelTargets(0.0, 0.0)
+        self._spindle = 0.0
+        self._jacking = 0
+        self._bumped = {"front": False, "rear": False}
+        self.battery = BatteryModel(profile.battery, battery)
+        self._noise = noise
+        self._odometer = Odometer(profile.drive, noise, generator(seed, name, "encoders"), self._wheel_angles())
+        self._pose_noise = PoseNoise(noise, generator(seed, name, "pose"), POSE_PERIOD)
+        self._imu_rng = generator(seed, name, "imu")
+        self._gyro_bias = noise.scale * noise.gyro_bias * self._imu_rng.standard_normal(3)
+        self._weight_rng = generator(seed, name, "jack")
+        self._lidar = Lidar(profile.lidar, self.body, generator(seed, name, "lidar"), noise.scale)
+
+    def _find_addresses(self) -> None:
+        model, name = self._model, self.name
+        free = model.joint(f"{name}/free")
+        self._qpos, self._qvel = int(free.qposadr[0]), int(free.dofadr[0])
+        wheels = [model.joint(f"{name}/{part}") for part in WHEELS]
+        self._wheel_qpos = [int(w.qposadr[0]) for w in wheels]
+        self._wheel_dofs = [int(w.dofadr[0]) for w in wheels]
+        self._wheel_motors = [int(model.actuator(f"{name}/{part}").id) for part in WHEELS]
+        self._jack_motor = int(model.actuator(f"{name}/jack").id) if self.profile.jack else None
+        self._gyro, self._accelerometer = (
+            int(model.sensor(f"{name}/{kind}").adr[0]) for kind in ("gyro", "accelerometer")
+        )
+
+    # -- truth -------------------------------------------------------------------------------------------------------
+
+    @property
+    def pose(self) -> PoseTuple:
+        """The true pose in the map."""
+        x, y, _, w, qx, qy, z = self._data.qpos[self._qpos : self._qpos + 7]
+        return float(x), float(y), math.atan2(2 * (w * z + qx * qy), 1 - 2 * (qy * qy + z * z))
+
+    @property
+    def charge_contact(self) -> bool:
+        """Its contacts meet a charger's: within 2 cm and 3° of a dock pose."""
+        x, y, yaw = self.pose
+        return any(
+            math.hypot(x - dx, y - dy) < 0.02 and abs(wrap(yaw - dyaw)) < math.radians(3)
+            for dx, dy, dyaw in self._dock_poses
+        )
+
+    @property
+    def charging(self) -> bool:
+        return self.charge_contact or "power_cable" in self.faults
+
+    def put(self, pose: PoseTuple) -> None:
+        """Be at ``pose``, without more. Its odometry knows nothing of it."""
+        x, y, yaw = pose
+        self._data.qpos[self._qpos : self._qpos + 2] = (x, y)
+        self._data.qpos[self._qpos + 3 : self._qpos + 7] = yaw_quaternion(yaw)
+
+    def rest(self, controls: NDArray[np.float64]) -> None:
+        """Stand still at once, as a robot does that was just set down. ``controls``: of the instant that it is in."""
+        controls[:, self._wheel_motors] = 0
+        qvel = self._data.qvel
+        qvel[self._qvel : self._qvel + 6] = 0
+        qvel[self._wheel_dofs] = 0
+        self._targets = WheelTargets(0.0, 0.0)
+
+    # -- driving -----------------------------------------------------------------------------------------------------
+
+    def drive(self, controls: NDArray[np.float64], stamp: int, dt: float) -> None:
+        """Fill the robot's columns of ``controls`` (steps × actuators) for ``dt`` seconds from ``stamp`` on."""
+        command = self.command if drive.is_fresh(self.command, stamp) else None
+        stopped = "emergency_stop_button" in self.faults
+        blocked = "wheels_blocked" in self.faults
+        before = self._targets
+        if command is None or stopped or blocked:
+            self._targets = drive.brake(before, self.profile.drive, dt)
+        else:
+            self._targets = drive.follow(before, command.twist, self.profile.drive, dt)
+        part = np.arange(1, len(controls) + 1) / len(controls)
+        for motor, old, new in zip(
+            self._wheel_motors, (before.left, before.right), (self._targets.left, self._targets.right), strict=True
+        ):
+            controls[:, motor] = (old + part * (new - old)) / self.profile.drive.wheel_radius
+        self._drive_jack(controls, part, "hold" if command is None or stopped else command.jack, dt)
+        self.battery.draw((self._targets.left + self._targets.right) / 2, self._jacking != 0, self.charging, dt)
+
+    def _drive_jack(self, controls: NDArray[np.float64], part: NDArray[np.float64], wanted: str, dt: float) -> None:
+        jack = self.profile.jack
+        if jack is None or self._jack_motor is None:
+            return
+        direction = {"up": 1, "down": -1, "hold": 0}[wanted]
+        before = self._spindle
+        self._spindle = min(jack.stroke, max(0.0, before + direction * jack.stroke / jack.duration * dt))
+        self._jacking = direction if self._spindle != before else 0
+        controls[:, self._jack_motor] = before + part * (self._spindle - before)
+
+    def bump(self, contact: Any) -> None:
+        """Its body touches something there: the bumper of that side stays closed until it is reported."""
+        rotation = self._data.xmat[self.body].reshape(3, 3)
+        ahead = float((np.asarray(contact.pos) - self._data.xpos[self.body]) @ rotation[:, 0])
+        self._bumped["front" if ahead >= self.profile.body.centre[0] else "rear"] = True
+
+    # -- sensors: each is called once for each of its publications ---------------------------------------------------
+
+    def odometry(self, stamp: int, dt: float) -> Odometry:
+        return self._odometer.measure(self._wheel_angles(), stamp, dt)
+
+    def imu(self, stamp: int) -> Imu:
+        noise = self._imu_rng.standard_normal(6) * self._noise.scale
+        measured = self._data.sensordata
+        turning = measured[self._gyro : self._gyro + 3] + self._gyro_bias + self._noise.gyro * noise[:3]
+        force = measured[self._accelerometer : self._accelerometer + 3] + self._noise.accelerometer * noise[3:]
+        return Imu(stamp=stamp, angular_velocity=tuple(turning.tolist()), linear_acceleration=tuple(force.tolist()))
+
+    def scan(self, stamp: int) -> Scan:
+        return self._lidar.scan(self._model, self._data, stamp, blind="lidar_blind" in self.faults)
+
+    def localised_pose(self, stamp: int) -> LocalisedPose:
+        """Truth and seeded noise, standing where a localiser will."""
+        error = self._pose_noise.draw()
+        x, y, yaw = self.pose
+        return LocalisedPose(
+            stamp=stamp,
+            pose=Pose2(x=x + float(error[0]), y=y + float(error[1]), yaw=wrap(yaw + float(error[2]))),
+            covariance=np.diag(self._pose_noise.sigma**2),
+            quality=QUALITY_EXCELLENT,
+        )
+
+    def jack(self, stamp: int) -> Jack:
+        """Progress is the spindle's. The weight is what the servo bears beyond its own plate, to half a kilogram."""
+        kind = self.profile.jack
+        if kind is None or self._jack_motor is None:
+            return Jack(stamp=stamp, state="unknown", progress=0.0, weight=0.0)
+        borne = float(self._data.actuator_force[self._jack_motor]) / GRAVITY - kind.mass
+        weight = max(0.0, borne + 0.5 * self._noise.scale * float(self._weight_rng.standard_normal()))
+        states = {0: "hold", 1: "jacking_up", -1: "jacking_down"}
+        return Jack.model_validate(
+            {
+                "stamp": stamp,
+                "state": states[self._jacking],
+                "progress": self._spindle / kind.stroke,
+                "weight": weight,
+            }
+        )
+
+    def battery_report(self, stamp: int) -> Battery:
+        return self.battery.report(stamp, self.charging)
+
+    def contacts(self, stamp: int) -> Contacts:
+        bumped, self._bumped = self._bumped, {"front": False, "rear": False}
+        return Contacts(
+            stamp=stamp,
+            bumper_front=bumped["front"],
+            bumper_rear=bumped["rear"],
+            charge_contact=self.charge_contact,
+            power_cable="power_cable" in self.faults,
+            emergency_stop_button="emergency_stop_button" in self.faults,
+        )
+
+    def chassis_model(self) -> ChassisModel:
+        drive_kind = self.profile.drive
+        return ChassisModel(
+            profile=self.profile.name,
+            footprint=self.profile.footprint,
+            wheel_separation=drive_kind.wheel_separation,
+            wheel_radius=drive_kind.wheel_radius,
+        )
+
+    def _wheel_angles(self) -> tuple[float, float]:
+        left, right = (float(self._data.qpos[address]) for address in self._wheel_qpos)
+        return left, right
+
+
+def hull_touches(model: Any, data: Any, hull: int, geoms: NDArray[np.intp]) -> int | None:
+    """The first of ``geoms`` that the hull geom meets, by the frames in ``data``; None if it is free."""
+    for geom in geoms:
+        if mujoco.mj_geomDistance(model, data, hull, int(geom), 0.01, None) <= 0:
+            return int(geom)
+    return None

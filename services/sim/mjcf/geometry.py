@@ -1,0 +1,97 @@
+"""Shapes of what stands in a world, as plain values: the physics and the map are both made of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from rackhand.services.sim.world.worldfile import Box, Charger, Cylinder, PoseTuple, StaticThing, Wall
+
+
+@dataclass(frozen=True)
+class Shape:
+    """An upright box (half-lengths a, b, c) or cylinder (radius a, half-height c); x, y, z is its middle."""
+
+    kind: Literal["box", "cylinder"]
+    x: float
+    y: float
+    z: float
+    yaw: float
+    a: float
+    b: float
+    c: float
+    colour: tuple[float, float, float]
+
+    @property
+    def half_sizes(self) -> list[float]:
+        """As MuJoCo wants them."""
+        return [self.a, self.b, self.c] if self.kind == "box" else [self.a, self.c, 0.0]
+
+    def cuts(self, height: float) -> bool:
+        """Whether the horizontal plane at ``height`` goes through it."""
+        return self.z - self.c < height < self.z + self.c
+
+
+def static_shapes(static: StaticThing) -> tuple[Shape, ...]:
+    match static:
+        case Wall():
+            return (_wall(static),)
+        case Box():
+            x, y, yaw = static.pose
+            length, width, height = static.size
+            return (Shape("box", x, y, static.z + height / 2, yaw, length / 2, width / 2, height / 2, static.colour),)
+        case Cylinder():
+            (x, y), half = static.centre, static.height / 2
+            return (Shape("cylinder", x, y, half, 0.0, static.radius, static.radius, half, static.colour),)
+
+
+def _wall(wall: Wall) -> Shape:
+    (x0, y0), (x1, y1) = wall.start, wall.end
+    length, yaw = math.hypot(x1 - x0, y1 - y0), math.atan2(y1 - y0, x1 - x0)
+    half_height = wall.height / 2
+    return Shape(
+        "box",
+        (x0 + x1) / 2,
+        (y0 + y1) / 2,
+        half_height,
+        yaw,
+        length / 2,
+        wall.thickness / 2,
+        half_height,
+        wall.colour,
+    )
+
+
+# The dock's face is a notch of two plates, each turned by this from the dock's back, that a lidar can tell from a wall.
+CHARGER_V_ANGLE = math.radians(25)
+_CHARGER_PLATE = (0.26, 0.03, 0.5)  # length, thickness, height
+_CHARGER_BACK = (0.04, 0.5, 0.5)
+_CHARGER_COLOUR = (0.2, 0.6, 0.3)
+
+
+def charger_shapes(charger: Charger) -> tuple[Shape, ...]:
+    """The back plate, whose middle is the charger's pose, and the two plates of the notch before it."""
+    length, thickness, height = _CHARGER_PLATE
+    z = height / 2
+    x, y, yaw = charger.pose
+    depth, width, back_height = _CHARGER_BACK
+    shapes = [Shape("box", x, y, back_height / 2, yaw, depth / 2, width / 2, back_height / 2, _CHARGER_COLOUR)]
+    for side in (1, -1):
+        turned = side * (math.pi / 2 - CHARGER_V_ANGLE)
+        offset = (depth / 2 + length / 2 * math.cos(turned), length / 2 * math.sin(turned))
+        px, py = transform(charger.pose, offset)
+        shapes.append(Shape("box", px, py, z, yaw + turned, length / 2, thickness / 2, z, _CHARGER_COLOUR))
+    return tuple(shapes)
+
+
+def transform(pose: PoseTuple, point: tuple[float, float]) -> tuple[float, float]:
+    """A point of the pose's frame in the frame the pose is given in."""
+    x, y, yaw = pose
+    c, s = math.cos(yaw), math.sin(yaw)
+    return x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]
+
+
+def wrap(angle: float) -> float:
+    """The angle in (-π, π]."""
+    return math.pi - (math.pi - angle) % (2 * math.pi)

@@ -1,0 +1,337 @@
+"""Worlds as data: the models of ``world.yaml`` and its reading. Metres, radians, seconds; map frame.
+
+Things are named mappings, so that an error reads ``movers.anna.motion.walk: …`` and a name exists once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from rackhand import worlds
+from rackhand.services.sim.errors import WorldFileError
+
+M = TypeVar("M", bound=BaseModel)
+Positive = Annotated[float, Field(gt=0)]
+Point = tuple[float, float]
+PoseTuple = tuple[float, float, float]
+Size3 = tuple[Positive, Positive, Positive]
+# The chassis' drivers work at instants of 20 ms, those of arms at instants of 2 ms and their servos at 1 kHz.
+INSTANT_NS = 20_000_000
+ARM_INSTANT_NS = 2_000_000
+ARM_TIMESTEP = 0.001
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
+
+
+class Data(BaseModel):
+    """The base of all that is read from a file: frozen, finite, closed to unknown fields."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _knows_all_keys(cls, value: Any) -> Any:
+        """Before pydantic says that a key is not permitted: say which ones are."""
+        if isinstance(value, dict) and cls.model_config["extra"] == "forbid":
+            unknown = [key for key in value if key not in cls.model_fields]
+            if unknown:
+                raise ValueError(f"unknown key {unknown[0]!r}; known: {sorted(cls.model_fields)}")
+        return value
+
+
+class Static(Data):
+    """Something that never moves. ``mapped``: the map shows it (where it stands in the lidar's plane)."""
+
+    mapped: bool = True
+    colour: tuple[float, float, float] = (0.6, 0.6, 0.62)
+
+
+class Wall(Static):
+    """An upright wall whose middle line goes from ``start`` to ``end``."""
+
+    kind: Literal["wall"]
+    start: Point
+    end: Point
+    thickness: Positive = 0.2
+    height: Positive = 2.0
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Wall:
+        if self.start == self.end:
+            raise ValueError(f"start and end are both {self.start}: a wall needs a length")
+        return self
+
+
+class Box(Static):
+    """A box l×w×h; ``pose`` is that of its middle, ``z`` the height of its underside."""
+
+    kind: Literal["box"]
+    pose: PoseTuple
+    size: Size3
+    z: Annotated[float, Field(ge=0)] = 0.0
+
+
+class Cylinder(Static):
+    kind: Literal["cylinder"]
+    centre: Point
+    radius: Positive
+    height: Positive
+
+
+StaticThing = Annotated[Wall | Box | Cylinder, Field(discriminator="kind")]
+
+
+class RackKind(Data):
+    """A rack with four legs at the corners of ``size`` (l×w over the legs) and a board over them at ``underside``."""
+
+    size: tuple[Positive, Positive]
+    underside: Positive
+    height: Positive
+    mass: Positive
+    leg: Positive = 0.03
+
+
+class Rack(Data):
+    kind: str
+    pose: PoseTuple
+
+
+class Item(Data):
+    """A box l×w×h (m, kg) that can be lifted and carried; ``pose`` is that of its middle. It lies on top of the box or
+    rack named ``lies_on``; where none is, its underside is ``z`` above the floor.
+    """
+
+    size: Size3
+    pose: PoseTuple
+    lies_on: str | None = None
+    z: Annotated[float, Field(ge=0)] = 0.0
+    mass: Positive = 0.5
+    colour: tuple[float, float, float] = (0.72, 0.55, 0.36)
+
+    @model_validator(mode="after")
+    def _height_once(self) -> Item:
+        if self.lies_on is not None and self.z > 0:
+            raise ValueError(f"lies_on {self.lies_on!r} and z {self.z:g}: want one of the two")
+        return self
+
+
+@dataclass(frozen=True)
+class Top:
+    """The upper side of something: a rectangle l×w whose middle is at ``pose``, at this height."""
+
+    pose: PoseTuple
+    size: tuple[float, float]
+    height: float
+
+    def is_under(self, x: float, y: float) -> bool:
+        dx, dy, yaw = x - self.pose[0], y - self.pose[1], self.pose[2]
+        along, across = dx * math.cos(yaw) + dy * math.sin(yaw), dy * math.cos(yaw) - dx * math.sin(yaw)
+        return abs(along) <= self.size[0] / 2 and abs(across) <= self.size[1] / 2
+
+
+class Charger(Data):
+    """A charging dock with a V-shaped face looking along its yaw. ``dock``: where a robot stands to be charged."""
+
+    pose: PoseTuple
+    dock: PoseTuple
+
+
+class Walk(Data):
+    """Walk along the points and from the last to the first again, for ever, ``wait`` seconds at each."""
+
+    kind: Literal["walk"]
+    points: Annotated[tuple[Point, ...], Field(min_length=2)]
+    speed: Positive = 1.0
+    wait: Annotated[float, Field(ge=0)] = 0.0
+
+
+class Stand(Data):
+    kind: Literal["stand"]
+    pose: PoseTuple
+
+
+class Mover(Data):
+    """A person (a capsule) that follows a script."""
+
+    motion: Annotated[Walk | Stand, Field(discriminator="kind")]
+    radius: Positive = 0.25
+    height: Positive = 1.75
+
+
+class Obstacle(Data):
+    """A box l×w×h or a cylinder r×h that stands about and is on no map."""
+
+    kind: Literal["box", "cylinder"] = "box"
+    pose: PoseTuple
+    size: Annotated[tuple[Positive, ...], Field(min_length=2, max_length=3)]
+
+
+class RobotPlace(Data):
+    """A robot of the world: its profile, start pose and charge (0 … 1)."""
+
+    profile: str
+    pose: PoseTuple
+    battery: Annotated[float, Field(gt=0, le=1)] = 0.8
+
+
+class ArmPlace(Data):
+    """An arm of the world: its kind, where its base frame stands, and how high above the floor (``mount``). What it
+    stands on is one of the statics. ``home``: joint positions it begins with, those of its kind if not given.
+    """
+
+    kind: str
+    pose: PoseTuple
+    mount: Annotated[float, Field(ge=0)] = 0.0
+    home: tuple[float, ...] | None = None
+    gripper: Literal["suction"] | None = None
+
+
+class MapSettings(Data):
+    """How the map is drawn. ``height``: of the plane that is cut; ``margin``: unknown rim round the floor."""
+
+    resolution: Positive = 0.05
+    margin: Annotated[float, Field(ge=0)] = 0.5
+    height: Positive = 0.18
+
+
+class Task(Data):
+    """What a benchmark world asks for: reach ``goal`` within ``radius`` and ``timeout``."""
+
+    goal: Point
+    radius: Positive
+    path_length: Positive
+    timeout: Positive
+    source: str = ""
+
+
+def _default_timestep(world: dict[str, Any]) -> float:
+    return ARM_TIMESTEP if world.get("arms") else 0.002
+
+
+class World(Data):
+    """A whole world. ``bounds``: x_min, y_min, x_max, y_max of the floor that is mapped."""
+
+    version: Literal[1]
+    name: str
+    description: str = ""
+    seed: Annotated[int, Field(ge=0)] = 0
+    bounds: tuple[float, float, float, float]
+    robots: dict[Name, RobotPlace] = {}
+    arms: dict[Name, ArmPlace] = {}
+    timestep: Annotated[float, Field(gt=0, le=0.005)] = Field(default_factory=_default_timestep)
+    statics: dict[Name, StaticThing] = {}
+    rack_kinds: dict[Name, RackKind] = {}
+    racks: dict[Name, Rack] = {}
+    items: dict[Name, Item] = {}
+    chargers: dict[Name, Charger] = {}
+    movers: dict[Name, Mover] = {}
+    obstacles: dict[Name, Obstacle] = {}
+    map: MapSettings = MapSettings()
+    task: Task | None = None
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> World:
+        if not (self.bounds[0] < self.bounds[2] and self.bounds[1] < self.bounds[3]):
+            raise ValueError(f"bounds {self.bounds}: want x_min, y_min, x_max, y_max")
+        for name, rack in self.racks.items():
+            if rack.kind not in self.rack_kinds:
+                raise ValueError(f"rack {name!r} is of unknown kind {rack.kind!r}; known: {sorted(self.rack_kinds)}")
+        if not self.robots and not self.arms:
+            raise ValueError("robots: a world needs one robot or arm at least")
+        self._check_names()
+        self._check_items()
+        instant = self.instant_ns * 1e-9
+        if not math.isclose(steps := instant / self.timestep, round(steps), rel_tol=1e-9):
+            raise ValueError(
+                f"timestep {self.timestep}: a control instant of {instant:g} s must be a whole number of steps"
+            )
+        if self.arms and self.timestep > ARM_TIMESTEP:
+            raise ValueError(f"timestep {self.timestep}: the servo of an arm needs {ARM_TIMESTEP} or less")
+        return self
+
+    @property
+    def instant_ns(self) -> int:
+        """How long a control instant is: time stands between two of them, and all commands are taken there."""
+        return ARM_INSTANT_NS if self.arms else INSTANT_NS
+
+    def underside(self, item: Item) -> float:
+        """How high above the floor an item lies."""
+        return item.z if item.lies_on is None else self._tops()[item.lies_on].height
+
+    def _tops(self) -> dict[str, Top]:
+        """All that items can lie on."""
+        boxes = {name: thing for name, thing in self.statics.items() if isinstance(thing, Box)}
+        tops = {name: Top(box.pose, box.size[:2], box.z + box.size[2]) for name, box in boxes.items()}
+        for name, rack in self.racks.items():
+            kind = self.rack_kinds[rack.kind]
+            tops[name] = Top(rack.pose, kind.size, kind.height)
+        return tops
+
+    def _check_items(self) -> None:
+        tops = self._tops()
+        for name, item in self.items.items():
+            if item.lies_on is None:
+                continue
+            if item.lies_on not in tops:
+                raise ValueError(f"items.{name}.lies_on: {item.lies_on!r} is no box and no rack; known: {sorted(tops)}")
+            if not tops[item.lies_on].is_under(*item.pose[:2]):
+                raise ValueError(
+                    f"items.{name}.pose: its middle is not over {item.lies_on}, which is at {tops[item.lies_on].pose}"
+                )
+
+    def _check_names(self) -> None:
+        owner: dict[str, str] = {}
+        for group in ("robots", "arms", "statics", "racks", "items", "chargers", "movers", "obstacles"):
+            for name in getattr(self, group):
+                if name in owner:
+                    raise ValueError(f"the name {name!r} is used in {owner[name]} and in {group}")
+                owner[name] = group
+
+
+def worlds_root() -> Path:
+    return Path(next(iter(worlds.__path__)))
+
+
+def known_worlds() -> list[str]:
+    """The names of the worlds that come with rackhand."""
+    return sorted(path.parent.name for path in worlds_root().glob("*/world.yaml"))
+
+
+def world_directory(name_or_path: str) -> Path:
+    """The folder of a world given by name, or by the path of a folder. Raises ``WorldFileError``."""
+    for directory in (Path(name_or_path), worlds_root() / name_or_path):
+        if (directory / "world.yaml").is_file():
+            return directory
+    raise WorldFileError(
+        f"{name_or_path!r} is neither a world ({', '.join(known_worlds())}) nor a folder that holds a world.yaml"
+    )
+
+
+def load_world(name_or_path: str) -> World:
+    """Read a world by its name or folder. Raises ``WorldFileError`` that says file, place and what was expected."""
+    return read_model(World, world_directory(name_or_path) / "world.yaml")
+
+
+def read_model(model: type[M], path: Path) -> M:
+    """A file's YAML as ``model``. Raises ``WorldFileError``."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise WorldFileError(f"{path}: cannot be read: {error}") from None
+    except yaml.YAMLError as error:
+        raise WorldFileError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise WorldFileError("\n".join(f"{path}: {_told(item)}" for item in error.errors())) from None
+
+
+def _told(item: Any) -> str:
+    """One validation error as ``movers.anna.motion.walk: unknown key 'spede'; known: …``."""
+    where = ".".join(str(part) for part in item["loc"]) or "the file"
+    return f"{where}: {item['msg'].removeprefix('Value error, ')}"

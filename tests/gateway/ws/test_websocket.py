@@ -1,0 +1,220 @@
+"""The WebSocket: what clients enable, what they are sent at once, and that none of them waits for another."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import socket
+import struct
+from typing import Any
+
+import pytest
+
+from rackhand.bus import Unavailable
+from rackhand.schemas import topics
+from rackhand.services.gateway.ws.broadcast import MAX_EVENTS, MAX_TOPICS
+from tests.gateway import messages
+from tests.gateway.harness import PATIENCE, Gateway, grey_png
+
+TWIST = {"topic": "/twist", "linear_velocity": 0, "angular_velocity": -0.6522}
+
+
+def test_every_change_of_subscription_is_answered_with_the_complete_set_newest_first(gateway: Gateway) -> None:
+    with gateway.websocket() as client:
+        assert client.ask({"enable_topic": "/alerts"}) == {"enabled_topics": ["/alerts"]}
+        assert client.ask({"enable_topic": ["/path", "/no_such_topic"]}) == {
+            "enabled_topics": ["/no_such_topic", "/path", "/alerts"]
+        }
+        assert client.ask({"enable_topic": "/alerts"})["enabled_topics"] == ["/no_such_topic", "/path", "/alerts"]
+        assert client.ask({"disable_topic": ["/path", "/never_enabled"]})["enabled_topics"] == [
+            "/no_such_topic",
+            "/alerts",
+        ]
+        assert client.ask({"disable_topic": "/alerts", "enable_topic": "/map"})["enabled_topics"] == [
+            "/map",
+            "/no_such_topic",
+        ]
+
+
+def test_who_connects_is_told_who_is_there_and_the_others_are_told_of_it(gateway: Gateway) -> None:
+    with gateway.websocket() as first:
+        assert json.loads(first.connection.recv(PATIENCE)) == {
+            "topic": "/ws_connections",
+            "connections": [{"id": 1, "username": "client-1", "email": ""}],
+        }
+        assert json.loads(first.connection.recv(PATIENCE))["topic"] == "/ws_connection_established"
+        with gateway.websocket() as second:
+            assert len(json.loads(second.connection.recv(PATIENCE))["connections"]) == 2
+            assert json.loads(first.connection.recv(PATIENCE)) == {
+                "topic": "/ws_connection_established",
+                "id": 2,
+                "username": "client-2",
+                "email": "",
+            }
+        assert json.loads(first.connection.recv(PATIENCE))["topic"] == "/ws_connection_disconnected"
+
+
+STATE_TOPICS = {
+    "/tracked_pose": [(topics.POSE, messages.pose())],
+    "/slam/state": [(topics.POSE, messages.pose())],
+    "/motion_metrics": [(topics.ODOMETRY, messages.odometry())],
+    "/planning_state": [(topics.PLANNING_STATE, messages.planning())],
+    "/path": [(topics.PATH, messages.path())],
+    "/map": [(topics.MAP, messages.current_map())],
+    "/map/info": [(topics.MAP, messages.current_map())],
+    "/battery_state": [(topics.BATTERY, messages.battery())],
+    "/wheel_state": [(topics.CHASSIS_STATUS, messages.status())],
+    "/chassis_state": [(topics.CHASSIS_STATUS, messages.status())],
+    "/alerts": [(topics.CHASSIS_STATUS, messages.status())],
+    "/jack_state": [(topics.JACK, messages.jack())],
+    "/robot_model": [(topics.CHASSIS_MODEL, messages.model())],
+    "/scan_matched_points2": [(topics.SCAN, messages.scan()), (topics.POSE, messages.pose())],
+}
+
+
+@pytest.mark.parametrize("topic", STATE_TOPICS)
+def test_a_state_topic_is_sent_at_once_to_who_enables_it_and_again_when_it_changes(
+    gateway: Gateway, topic: str
+) -> None:
+    for row, message in STATE_TOPICS[topic]:
+        gateway.publish(row, message)
+    with gateway.websocket() as client:
+        assert client.ask({"enable_topic": topic}) == {"enabled_topics": [topic]}
+        latched = client.receive()
+        assert latched["topic"] == topic
+        for row, message in STATE_TOPICS[topic]:
+            gateway.publish(row, message)
+        assert client.receive() == latched
+
+
+def test_what_was_disabled_is_silent(gateway: Gateway) -> None:
+    with gateway.websocket() as client:
+        client.ask({"enable_topic": ["/path", "/battery_state"]})
+        client.ask({"disable_topic": "/path"})
+        gateway.publish(topics.PATH, messages.path())
+        gateway.publish(topics.BATTERY, messages.battery())
+        assert client.receive()["topic"] == "/battery_state"
+
+
+def test_the_legacy_end_point_has_its_own_names(gateway: Gateway) -> None:
+    gateway.publish(topics.POSE, messages.pose())
+    with gateway.websocket("/ws/topics/") as old, gateway.websocket() as new:
+        assert old.ask({"enable_topic": "/chassis/pose"}) == {"enabled_topics": ["/chassis/pose"]}
+        new.ask({"enable_topic": "/tracked_pose"})
+        assert {**old.receive(), "topic": "/tracked_pose"} == new.receive()
+        new.ask({"enable_topic": "/chassis/pose"})
+        gateway.publish(topics.POSE, messages.pose(x=5))
+        assert old.receive()["topic"] == "/chassis/pose"
+        assert new.receive()["topic"] == "/tracked_pose"
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        "",
+        "nonsense",
+        "[]",
+        "null",
+        "{}",
+        '{"enable_topic": 1}',
+        '{"enable_topic": ["/a", null]}',
+        '{"enable_topic": ""}',
+        '{"enable_topic": "/a", "enable_topic": "/b"}',
+        '{"topic": "/unheard_of"}',
+        '{"topic": ["/twist"]}',
+        '{"topic": "/twist"}',
+        '{"topic": "/twist", "linear_velocity": NaN, "angular_velocity": 0}',
+        '{"topic": "/twist", "linear_velocity": "fast", "angular_velocity": 0}',
+        "[" * 100_000,
+        b"\x00\xff",
+        json.dumps({"enable_topic": [f"/{n}" for n in range(MAX_TOPICS + 1)]}),
+    ],
+)
+def test_a_malformed_frame_is_told_so_and_the_connection_stays(gateway: Gateway, frame: Any) -> None:
+    with gateway.websocket() as client:
+        error = client.ask(frame)
+        assert error["topic"] == "/error"
+        assert error["detail"]
+        assert client.ask({"enable_topic": "/a"})["enabled_topics"][0] == "/a"
+
+
+def test_frames_in_binary_are_read_too(gateway: Gateway) -> None:
+    with gateway.websocket() as client:
+        assert client.ask(b'{"enable_topic": "/a"}') == {"enabled_topics": ["/a"]}
+
+
+def test_remote_driving_is_fed_back_per_command_and_refused_in_other_modes(gateway: Gateway) -> None:
+    with gateway.websocket() as client:
+        assert client.ask(TWIST) == {
+            "topic": "/error",
+            "detail": "precondition: control mode is auto; remote driving needs remote",
+        }
+        gateway.http.post("/services/wheel_control/set_control_mode", json={"control_mode": "remote"})
+        for _ in range(3):
+            assert client.ask(TWIST) == {"topic": "/twist_feedback"}
+        twist = gateway.bus.requests[-1].twist
+        assert (twist.linear, twist.angular) == (0.0, -0.6522)
+        gateway.bus.failure = Unavailable("nobody drives")
+        assert client.ask(TWIST) == {"topic": "/error", "detail": "nobody drives"}
+
+
+def test_device_info_on_request(gateway: Gateway) -> None:
+    gateway.publish(topics.CHASSIS_MODEL, messages.model())
+    with gateway.websocket() as client:
+        reply = client.ask({"topic": "/get_device_info_brief"})
+        assert reply["topic"] == "/device_info_brief"
+        assert reply["device"]["model"] == "longjack"
+
+
+def test_a_client_that_does_not_read_delays_no_other_and_holds_a_bounded_backlog(gateway: Gateway) -> None:
+    maps = [grey_png(1000, 400, shade) for shade in range(2)]
+    with deaf_client(gateway.port, "/map"), gateway.websocket(max_size=None) as client:
+        client.ask({"enable_topic": "/map"})
+        for turn in range(40):  # 20 MB: far more than the kernel holds for a client that does not read
+            gateway.publish(topics.MAP, messages.current_map(png=maps[turn % 2]))
+            assert base64.b64decode(client.receive()["data"]) == maps[turn % 2]
+        for number in range(3 * MAX_EVENTS):
+            gateway.publish(topics.PLANNING_STATE, messages.planning(action_id=number))
+        deaf = gateway.call(lambda: next(iter(gateway.hub.clients.values())).outbox)
+        assert gateway.call(lambda: deaf.dropped) > 0
+        assert gateway.call(lambda: len(deaf._newest)) == 1
+        assert gateway.call(lambda: len(deaf._events)) <= MAX_EVENTS
+
+
+class deaf_client:  # noqa: N801 - used as a function
+    """A WebSocket client that enables topics and then never reads."""
+
+    def __init__(self, port: int, topic: str) -> None:
+        self.port = port
+        self.topic = topic
+
+    def __enter__(self) -> socket.socket:
+        self.socket = raw_websocket(self.port)
+        self.socket.sendall(client_frame(json.dumps({"enable_topic": [self.topic, "/planning_state"]}).encode()))
+        return self.socket
+
+    def __exit__(self, *_: object) -> None:
+        self.socket.close()
+
+
+def raw_websocket(port: int) -> socket.socket:
+    """A connection that has gone through the handshake, no further."""
+    raw = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
+    key = base64.b64encode(os.urandom(16)).decode()
+    raw.sendall(
+        f"GET /ws/v2/topics HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
+    )
+    head = b""
+    while b"\r\n\r\n" not in head:
+        head += raw.recv(1)
+    assert b"101" in head.split(b"\r\n")[0]
+    return raw
+
+
+def client_frame(payload: bytes, opcode: int = 1) -> bytes:
+    mask = b"\1\2\3\4"
+    size = bytes([0x80 | len(payload)]) if len(payload) < 126 else b"\xfe" + struct.pack(">H", len(payload))
+    masked = bytes(byte ^ mask[index % 4] for index, byte in enumerate(payload))
+    return bytes([0x80 | opcode]) + size + mask + masked

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rackhand.schemas.base import Pose2, Twist2
+from rackhand.services.planner.behaviors.interface import Observation
+from rackhand.services.planner.geometry import se2
+from rackhand.services.planner.perception.pose_filter import PoseFilter
+from rackhand.services.planner.settings import PoseNoise
+
+TICK = 40_000_000
+NOISE = (0.01, 0.01, 0.005)
+
+
+def seen(stamp: int, pose: np.ndarray, odometry: np.ndarray, pose_stamp: int | None = None) -> Observation:
+    def as_message(p: np.ndarray) -> Pose2:
+        return Pose2(x=float(p[0]), y=float(p[1]), yaw=float(p[2]))
+
+    still = Twist2(linear=0.0, angular=0.0)
+    return Observation(
+        stamp, as_message(pose), stamp if pose_stamp is None else pose_stamp, as_message(odometry), still, None
+    )
+
+
+@pytest.mark.parametrize("turning", [0.0, 0.4])
+def test_filters_noise_while_driving(turning: float) -> None:
+    random = np.random.default_rng(3)
+    true, odometry = np.array([2.0, 3.0, 1.0]), np.array([50.0, -40.0, 2.0])
+    pose_filter, errors = PoseFilter(PoseNoise()), []
+    for k in range(500):
+        pose_filter.update(seen(k * TICK, true + random.normal(0, NOISE), odometry))
+        if k > 50:
+            errors.append(se2.between(true, pose_filter.pose))
+        true = se2.compose(true, np.array([0.04, 0.0, turning * 0.04]))
+        odometry = se2.compose(odometry, np.array([0.04 * 1.002, 0.0, turning * 0.04 * 1.002]))
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert (rms[:2] < 0.006).all() and rms[2] < 0.003
+
+
+def test_a_late_pose_is_moved_on_by_odometry() -> None:
+    pose_filter, true = PoseFilter(PoseNoise()), np.zeros(3)
+    past = [true]
+    for k in range(100):
+        measured = past[max(k - 3, 0)]
+        pose_filter.update(seen(k * TICK, measured, true, max(k - 3, 0) * TICK))
+        assert pose_filter.pose == pytest.approx(true, abs=1e-3)
+        assert pose_filter.at(max(k - 5, 0) * TICK) == pytest.approx(past[max(k - 5, 0)], abs=1e-3)
+        true = se2.compose(true, np.array([0.04, 0.0, 0.02]))
+        past.append(true)
+
+
+def test_one_wild_pose_does_no_harm_and_a_new_place_is_taken() -> None:
+    pose_filter, here = PoseFilter(PoseNoise()), np.array([1.0, 1.0, 0.0])
+    for k in range(50):
+        pose_filter.update(seen(k * TICK, here, np.zeros(3)))
+    pose_filter.update(seen(50 * TICK, here + np.array([5.0, 0.0, 0.0]), np.zeros(3)))
+    assert math.hypot(*(pose_filter.pose - here)[:2]) < 1.0
+    there = here + np.array([5.0, 0.0, 1.0])
+    for k in range(51, 60):
+        pose_filter.update(seen(k * TICK, there, np.zeros(3)))
+    assert pose_filter.pose == pytest.approx(there, abs=0.02)
+
+
+def test_a_clock_that_begins_anew_begins_anew() -> None:
+    pose_filter = PoseFilter(PoseNoise())
+    pose_filter.update(seen(10**9, np.array([1.0, 2.0, 0.0]), np.array([9.0, 9.0, 0.0])))
+    pose_filter.update(seen(0, np.array([4.0, 5.0, 0.0]), np.zeros(3)))
+    assert pose_filter.pose == pytest.approx([4.0, 5.0, 0.0])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_compose_and_between_are_inverse(seed: int) -> None:
+    a, b = np.random.default_rng(seed).uniform(-3, 3, (2, 3))
+    assert se2.compose(a, se2.between(a, b)) == pytest.approx(b)

@@ -1,0 +1,36 @@
+"""What is loaded is kept; what becomes garbage later is not."""
+
+import gc
+import weakref
+from collections.abc import Iterator
+
+import pytest
+
+from rackhand.runtime.memory import keep_what_is_loaded
+
+
+class Node:
+    """Garbage once nobody else knows it: it knows itself."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+@pytest.fixture(autouse=True)
+def unfreeze() -> Iterator[None]:
+    yield
+    gc.unfreeze()
+
+
+def test_loaded_things_are_no_longer_looked_at() -> None:
+    loaded = Node()
+    keep_what_is_loaded()
+    assert not any(thing is loaded for thing in gc.get_objects())
+    assert len(gc.get_objects()) < 1000
+
+
+def test_later_garbage_is_collected() -> None:
+    keep_what_is_loaded()
+    gone = weakref.ref(Node())
+    gc.collect()
+    assert gone() is None
