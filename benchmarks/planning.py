@@ -21,7 +21,7 @@ from rackhand.services.planner.behaviors.navigator import LONGEJACK_BODY
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.map.directory import read_map_directory
 from rackhand.services.planner.map.grid import StaticMap, load_map
-from rackhand.services.planner.planning.plan import GlobalPlanner, NoWay, Target
+from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Target
 from rackhand.services.planner.settings import NavigationSettings
 
 QUERIES, SEED = 60, 3
@@ -95,7 +95,7 @@ def own(static: StaticMap) -> Planner:
         here = np.array([*static.geometry.centre(*start), 0.0])
         try:
             return planner.plan(here, Target(*static.geometry.centre(*goal), None), static.blocked).length
-        except NoWay:
+        except NoPathFound:
             return None
 
     return plan

@@ -89,11 +89,11 @@ def refuse(pending: zenoh.Query, code: str, text: str) -> None:
 class _Source:
     """One subscription's unread items. A token in the inbox's queue stands for each of them.
 
-    ``patient``: it is read when nothing else waits.
+    ``low_priority``: it is read when nothing else waits.
     """
 
-    def __init__(self, depth: int, decode: Callable[[Any], Event | None], patient: bool = False) -> None:
-        self.patient = patient
+    def __init__(self, depth: int, decode: Callable[[Any], Event | None], low_priority: bool = False) -> None:
+        self.low_priority = low_priority
         self.items: deque[Any] = deque(maxlen=depth)
         self.lock = threading.Lock()
         self.decode = decode
@@ -115,8 +115,8 @@ class _Source:
 class Inbox:
     """Everything that was subscribed to, in order of arrival. One reader; iteration ends when the bus stops.
 
-    Requests served as ``patient`` wait for all else, so that a flood of them holds nothing up; but for no more than
-    ``MAX_OVERTAKES`` at a time, so that a reader that cannot keep up still serves them.
+    Requests served as ``low_priority`` are read when nothing else waits, so that a flood of them delays nothing; after
+    ``MAX_OVERTAKES`` other events one of them is read all the same.
 
     Zenoh's threads only put raw samples here: decoding, and so every cost and every error, is in the reader's thread,
     and a slow reader never holds up another topic.
@@ -127,7 +127,7 @@ class Inbox:
         self._tokens: queue.SimpleQueue[_Source | None] = queue.SimpleQueue()
         self._sources: list[_Source] = []
         self._overtakes = 0
-        self._passed: deque[_Source] = deque()  # patient ones whose token brought something else
+        self._passed: deque[_Source] = deque()  # low_priority ones whose token brought something else
         self._handles: list[Any] = []
         self._alive: dict[str, bool] = {}
         self._wake: Callable[[], object] | None = None
@@ -151,7 +151,7 @@ class Inbox:
         self._handles.append(self._bus.declare_subscriber(key, topic.qos, self._pusher(source)))
         return self
 
-    def serve(self, query: Query[Any, Any], robot: str, patient: bool = False) -> Inbox:
+    def serve(self, query: Query[Any, Any], robot: str, low_priority: bool = False) -> Inbox:
         codec = codec_for(query.request)
 
         def decode(pending: zenoh.Query) -> Event | None:
@@ -164,7 +164,7 @@ class Inbox:
                 return None
             return Request(query, robot, message, pending)
 
-        source = self._add_source(MAX_REQUESTS, decode, patient)
+        source = self._add_source(MAX_REQUESTS, decode, low_priority)
         push = self._pusher(source)
 
         def push_or_refuse(pending: zenoh.Query) -> None:
@@ -212,9 +212,9 @@ class Inbox:
     def _read(self, told: _Source) -> Event | None:
         """What is to be read next; ``told`` is whose token has come. Any token will do for any item, so that there are
         as many of them as of items, whatever the order."""
-        if told.patient:
+        if told.low_priority:
             self._passed.append(told)
-        urgent = told if told.items and not told.patient else self._urgent()
+        urgent = told if told.items and not told.low_priority else self._urgent()
         if urgent is None or (self._passed and self._overtakes >= MAX_OVERTAKES):
             source, self._overtakes = self._passed.popleft(), 0
         else:
@@ -222,7 +222,7 @@ class Inbox:
         return source.decode(source.pop())
 
     def _urgent(self) -> _Source | None:
-        return next((source for source in self._sources if source.items and not source.patient), None)
+        return next((source for source in self._sources if source.items and not source.low_priority), None)
 
     def __iter__(self) -> Iterator[Event]:
         return iter(self.get, None)  # holds no event: a request its reader has dropped is dropped
@@ -260,8 +260,8 @@ class Inbox:
     ) -> None:
         self.close()
 
-    def _add_source(self, depth: int, decode: Callable[[Any], Event | None], patient: bool = False) -> _Source:
-        source = _Source(depth, decode, patient)
+    def _add_source(self, depth: int, decode: Callable[[Any], Event | None], low_priority: bool = False) -> _Source:
+        source = _Source(depth, decode, low_priority)
         self._sources.append(source)
         return source
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 
 
-def keep_what_is_loaded() -> None:
+def freeze_gc() -> None:
     """Take all that is alive now out of garbage collection: modules, models and compiled code stay until the end.
 
     A full collection goes through them all, which stops the service for 80 ms: twenty ticks of an arm's controller.

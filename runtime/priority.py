@@ -16,7 +16,7 @@ REAL_TIME = 1  # the lowest real-time priority: in real time all the same, and b
 _SETATTR = {"x86_64": 314, "aarch64": 274}  # number of the system call sched_setattr, which Python has no name for
 
 
-def stand_back(nice: int) -> None:
+def set_niceness(nice: int) -> None:
     """Leave the processor to others: this process, and those it starts from now on, run with ``nice`` (1 to 19).
 
     Linux may share the processor among sessions first (autogroup, see sched(7)), and then niceness orders the processes
@@ -25,7 +25,7 @@ def stand_back(nice: int) -> None:
     os.nice(nice)
 
 
-def wake_promptly() -> bool:
+def set_short_slice() -> bool:
     """Let this thread, and those it starts from now on, run soon after what they wait for has come.
 
     Who asks Linux for short slices is let in before who computes for long on the same core, which otherwise may go on

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.motion.timed_sim RECORD [arguments of rackhand.services.sim]``: the simulator, which also notes
+"""``python -m benchmarks.motion.timed_sim RECORD [options of rackhand.services.sim]``: the simulator, which also notes
 when it publishes an arm state and when it has read the command that answers it, and leaves both in RECORD when it ends.
 """
 

@@ -13,8 +13,8 @@ import typer
 
 from rackhand.bus import Bus
 from rackhand.bus.log import configure_logging, get_logger
-from rackhand.runtime.memory import keep_what_is_loaded
-from rackhand.runtime.priority import run_in_real_time, wake_promptly
+from rackhand.runtime.memory import freeze_gc
+from rackhand.runtime.priority import run_in_real_time, set_short_slice
 from rackhand.schemas.crf_requests import OPTIONAL_COMMANDS
 from rackhand.schemas.service import ServiceId
 from rackhand.services.controller import ik
@@ -78,7 +78,7 @@ def main(
         typer.echo(f"controller of {robot}: {error}", err=True)
         raise typer.Exit(2) from None
     configure_logging("controller")
-    wake_promptly()
+    set_short_slice()
     sys.setswitchinterval(SWITCH_INTERVAL)
     period_ns = SECOND // rate
     warm_up(model, period_ns)
@@ -94,7 +94,7 @@ def main(
         try:
             with Bus(ServiceId("controller", robot)) as bus:
                 bus.handle_signals()
-                keep_what_is_loaded()
+                freeze_gc()
                 if not run_in_real_time():
                     log.info("not in real time: on a busy machine ticks may be late", help="docs/development.md")
                 ControllerService(bus, robot, model.n, controller, audit).run()

@@ -1,7 +1,7 @@
 """One arm's controller: requests and arm states in; answers, events and joint commands out. No bus, no clock.
 
 It joins the protocol (``Dispatcher``), the planning of paths beside the loop (``PathPlanner``) and the motion itself
-(``Mover``). The time of everything, keep-alives included, is the arm's clock: the stamp of the newest arm state. A
+(``MotionExecutor``). The time of everything, keep-alives included, is the stamp of the newest arm state. A
 paused world therefore keeps its locks, and a world ten times as fast runs them out ten times as soon.
 """
 
@@ -20,10 +20,10 @@ from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.motion import ArmCommand, ArmState, ControlInfo, Expected, MotionEvent, MotionStatus
 from rackhand.services.controller import ik
 from rackhand.services.controller.access.access import Access
-from rackhand.services.controller.access.hop import LastHop
+from rackhand.services.controller.access.hop import FencingGuard
 from rackhand.services.controller.access.streams import StreamGuard, StreamSample
 from rackhand.services.controller.access.types import AccessConfig, ContinueMotion, Order, StopMotion
-from rackhand.services.controller.motion.executor import Mover, Reference
+from rackhand.services.controller.motion.executor import MotionExecutor, Reference
 from rackhand.services.controller.motion.loop_watch import LoopWatch
 from rackhand.services.controller.motion.meter import Stopwatch, no_stopwatch
 from rackhand.services.controller.motion.parameters import ParametersRefused
@@ -34,9 +34,9 @@ from rackhand.services.controller.motion.waypoints import append_joints, append_
 from rackhand.services.controller.output import Output
 from rackhand.services.controller.protocol.answers import encode, error
 from rackhand.services.controller.protocol.checks import parameters_of
-from rackhand.services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
+from rackhand.services.controller.protocol.dispatch import Admitted, Dispatcher, DispatchResult
 from rackhand.services.controller.protocol.parse import Parsed, parse
-from rackhand.services.controller.protocol.reading import LONG, Reading, ReadingRoom
+from rackhand.services.controller.protocol.reading import LONG, ParseQueue, Reading
 from rackhand.services.controller.trajectory.model import Array, PathRefused
 
 STATUS_PERIOD_NS = 40_000_000
@@ -61,11 +61,11 @@ class Controller:
         self.period_ns = period_ns
         self._not_offered = not_offered
         self._arm, self._config, self._new_epoch = arm, access, new_epoch
-        self.mover = Mover(arm, period_ns * 1e-9, stopwatch)
+        self.mover = MotionExecutor(arm, period_ns * 1e-9, stopwatch)
         self._watch = LoopWatch(self.mover, stopwatch)
         self._planner = PathPlanner(executor, period_ns * 1e-9)
-        self._reading = ReadingRoom(reader or executor, lambda text: self._dispatcher.read(text))
-        self._hop = LastHop()
+        self._reading = ParseQueue(reader or executor, lambda text: self._dispatcher.read(text))
+        self._hop = FencingGuard()
         self._output = Output()
         self._waiting: dict[tuple[str, bytes], list[object]] = {}
         self._begin(())
@@ -97,7 +97,7 @@ class Controller:
         """Whether a plan is being made or a request read: then ``poll`` has something to find."""
         return self._planner.busy or self._reading.busy
 
-    def begin_anew(self, why: str) -> None:
+    def reset(self, why: str) -> None:
         """The arm's driver is gone or has begun anew: nobody holds control, nothing moves, nothing is queued."""
         self._cancel(CrfCode.ServiceUnavailable, why)
         self._reading.overtake()
@@ -208,7 +208,7 @@ class Controller:
         self._heed(self.mover.codes | late)
         self._plan()
         self._report_rest(state)
-        self._tell_status(state, commanded)
+        self._publish_status(state, commanded)
         token = self.access.token
         self._hop.raise_to(token)
         if not self._hop.admit(token, now):
@@ -228,7 +228,7 @@ class Controller:
 
     # -- what follows -------------------------------------------------------------------------------------------------
 
-    def _follow(self, turn: Turn) -> None:
+    def _follow(self, turn: DispatchResult) -> None:
         for order in turn.orders:
             self._obey(order)
         for event in turn.events:
@@ -268,7 +268,7 @@ class Controller:
             self._reported = self._serial
             self._follow(self._dispatcher.at_rest(self._serial, self._now))
 
-    def _tell_status(self, state: ArmState, commanded: Array) -> None:
+    def _publish_status(self, state: ArmState, commanded: Array) -> None:
         slot = self._now // STATUS_PERIOD_NS
         if slot == self._status_slot and not self._dispatcher.streams:
             return  # to make a status costs more than the rest of a tick

@@ -43,7 +43,7 @@ class ControllerService:
         inbox.subscribe(topics.ARM_STATE, self._robot)
         inbox.subscribe(topics.MOTION_SESSION, self._robot)
         inbox.subscribe(topics.CLOCK, WORLD)
-        inbox.serve(topics.MOTION, self._robot, patient=True)
+        inbox.serve(topics.MOTION, self._robot, low_priority=True)
         inbox.serve(topics.MOTION_STOP, self._robot)
         inbox.watch_services()
         return inbox
@@ -63,7 +63,7 @@ class ControllerService:
                 self.handle(event)
             self._tick_if_due()
             self._controller.poll()
-            self._tell()
+            self._publish()
             self._join_if_needed()
 
     def _next(self) -> Event | None:
@@ -80,7 +80,7 @@ class ControllerService:
         try:
             match event:
                 case Sample(topic=topics.ARM_STATE, message=state):
-                    self._hear(state)
+                    self._on_message(state)
                 case Sample(topic=topics.CLOCK, message=clock):
                     self._void_if(self._link.clock(clock))
                 case Sample(topic=topics.MOTION_SESSION, message=gone):
@@ -97,11 +97,11 @@ class ControllerService:
             self._log_once(error)
             if isinstance(event, Request):
                 event.refuse("internal", "the controller failed to answer; its log says more")
-        self._tell()
+        self._publish()
 
     # -- the loop -----------------------------------------------------------------------------------------------------
 
-    def _hear(self, state: ArmState) -> None:
+    def _on_message(self, state: ArmState) -> None:
         if len(state.q) != self._joints:
             self._log_once(ValueError(f"the driver has {len(state.q)} joints, the arm {self._joints}"))
             return
@@ -112,7 +112,7 @@ class ControllerService:
         if why is not None:
             log.warning(why, robot=self._robot)
             self._state = self._answer = None
-            self._controller.begin_anew(why)
+            self._controller.reset(why)
 
     def _tick_if_due(self) -> None:
         state, self._state = self._state, None
@@ -130,12 +130,12 @@ class ControllerService:
             return self._controller.tick(state, self._link.lockstep)
         except Exception as error:
             self._log_once(error)
-            self._controller.begin_anew(f"the controller failed: {type(error).__name__}: {error}")
+            self._controller.reset(f"the controller failed: {type(error).__name__}: {error}")
             return None
 
     # -- what is told -------------------------------------------------------------------------------------------------
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         output = self._controller.take()
         for event in output.events:
             log.info(event.name, to=event.to, by=event.info.by, reason=event.info.reason, kind=event.info.kind)

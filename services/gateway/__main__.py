@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from pydantic import ValidationError
 
-from rackhand.runtime.priority import GATEWAY, stand_back
+from rackhand.runtime.priority import GATEWAY, set_niceness
 from rackhand.schemas.codec import explain
 from rackhand.services.gateway.service import run
 from rackhand.services.gateway.settings import Settings, parse_service
@@ -61,7 +61,7 @@ def main(
         raise typer.BadParameter(explain(error)) from None
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--expect") from None
-    stand_back(GATEWAY)
+    set_niceness(GATEWAY)
     run(settings)
 
 

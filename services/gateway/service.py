@@ -25,7 +25,7 @@ from rackhand.services.gateway.crf.tcp import CrfPort
 from rackhand.services.gateway.crf.text import MAX_FRAME
 from rackhand.services.gateway.http.app import create_app
 from rackhand.services.gateway.settings import Settings
-from rackhand.services.gateway.state import HEARD, State
+from rackhand.services.gateway.state import SUBSCRIPTIONS, State
 from rackhand.services.gateway.ws.broadcast import Hub
 
 log = get_logger(__name__)
@@ -64,13 +64,13 @@ def run(settings: Settings) -> None:
 async def _serve(settings: Settings, bus: Bus, inbox: Inbox) -> None:
     state = State(settings.robot, settings.expected_services(), time.time())
     app = create_app(state, bus, settings)
-    for topic, depth in HEARD.items() if settings.robot else ():
+    for topic, depth in SUBSCRIPTIONS.items() if settings.robot else ():
         inbox.subscribe(topic, settings.robot, depth)
     motion: MotionHub = app.state.context.motion
     ended = {arm: bus.publisher(topics.MOTION_SESSION, arm) for arm in motion.arms}
     motion.gone = lambda arm, session: ended[arm].put(SessionGone(session=session))
     for arm in motion.arms:
-        for told in motion_hub.HEARD:
+        for told in motion_hub.SUBSCRIPTIONS:
             inbox.subscribe(told, arm)
     inbox.watch_services()
 
@@ -83,7 +83,7 @@ async def _serve(settings: Settings, bus: Bus, inbox: Inbox) -> None:
         asyncio.get_running_loop().add_signal_handler(number, setattr, server, "should_exit", True)
     crf = await _open_crf_ports(app.state.context)
     hub: Hub = app.state.context.hub
-    hearing = asyncio.create_task(_hear(inbox, hub, motion))
+    hearing = asyncio.create_task(_on_message(inbox, hub, motion))
     # Deaf, the gateway would show stale things as present: it ends, and is started anew.
     hearing.add_done_callback(lambda _: setattr(server, "should_exit", True))
     try:
@@ -111,11 +111,11 @@ async def _open_crf_ports(context: Context) -> list[CrfPort]:
     return opened
 
 
-async def _hear(inbox: Inbox, hub: Hub, motion: MotionHub) -> None:
+async def _on_message(inbox: Inbox, hub: Hub, motion: MotionHub) -> None:
     count = 0
     async for event in inbox.stream():
-        hub.hear(event)
-        motion.hear(event)
+        hub.on_message(event)
+        motion.on_message(event)
         count += 1
         if count % EVENTS_A_TURN == 0:
             await asyncio.sleep(0)

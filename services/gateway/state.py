@@ -17,7 +17,7 @@ from rackhand.services.gateway.ws.topics import CHANGED_BY, PAYLOADS, Facts, Pay
 ACCELERATION_SPAN_NS = NANOSECONDS // 10
 
 # The bus topics to subscribe to, with how many unread samples are worth keeping: of streams only the newest count.
-HEARD: dict[topics.Topic[Any], int | None] = {
+SUBSCRIPTIONS: dict[topics.Topic[Any], int | None] = {
     topics.CLOCK: 1,
     topics.ODOMETRY: 8,
     topics.SCAN: 2,
@@ -84,7 +84,7 @@ class State:
         make = PAYLOADS.get(topic)
         return make(self.facts) if make is not None else None
 
-    def hear(self, event: Event, now: float) -> list[Change]:
+    def on_message(self, event: Event, now: float) -> list[Change]:
         """Take an event in. Returns what it changed."""
         match event:
             case Sample(topic=topic, message=message):

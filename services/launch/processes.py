@@ -56,7 +56,7 @@ class Process:
 
 
 @dataclass(frozen=True)
-class Cast:
+class RobotSet:
     """Who acts in a world: the names of its chassis, and of its arms with their kinds."""
 
     chassis: tuple[str, ...] = ()
@@ -148,7 +148,7 @@ def _viewer(options: CellOptions, bus: Mapping[str, str]) -> tuple[Process, ...]
     return (Process("viewer", command, ("router",), page, "--viewer-port", env=bus, optional=True),)
 
 
-def read_cast(folder: Path) -> Cast:
+def read_cast(folder: Path) -> RobotSet:
     """Who acts in the world of this folder. Raises ``OSError``, or ``ValueError`` where the file does not say; all else
     that may be wrong with it the simulator tells.
     """
@@ -161,7 +161,7 @@ def read_cast(folder: Path) -> Cast:
     for name, arm in arms.items():
         if not isinstance(arm, dict) or not isinstance(arm.get("kind"), str):
             raise ValueError(f"{path}: arms.{name}: want its kind, as in {{kind: ur5e, …}}")
-    return Cast(tuple(robots), {name: arm["kind"] for name, arm in arms.items()})
+    return RobotSet(tuple(robots), {name: arm["kind"] for name, arm in arms.items()})
 
 
 def _mapping(path: Path, content: object, key: str) -> dict[str, Any]:
@@ -185,7 +185,7 @@ def _router_arguments(options: CellOptions, neighbours: str) -> tuple[str, ...]:
     return ("--listen", options.bus.endpoint, *connect)
 
 
-def _sim_arguments(options: CellOptions, cast: Cast) -> tuple[str, ...]:
+def _sim_arguments(options: CellOptions, cast: RobotSet) -> tuple[str, ...]:
     arguments = ["--world", options.world]
     arguments += ["--speed", "max" if options.speed is None else f"{options.speed:g}"]
     for participant in _participants(cast):
@@ -199,7 +199,7 @@ def _sim_arguments(options: CellOptions, cast: Cast) -> tuple[str, ...]:
     return tuple(arguments)
 
 
-def _participants(cast: Cast) -> list[str]:
+def _participants(cast: RobotSet) -> list[str]:
     return [*(f"{robot}/planner" for robot in cast.chassis), *(f"{arm}/controller" for arm in cast.arms)]
 
 
@@ -213,7 +213,7 @@ def _controller_arguments(options: CellOptions, arm: str, kind: str) -> tuple[st
     return ("--robot", arm, "--arm", kind, "--state-dir", str(state), "--rate", str(CONTROLLER_RATE))
 
 
-def _gateway_arguments(options: CellOptions, cast: Cast) -> tuple[str, ...]:
+def _gateway_arguments(options: CellOptions, cast: RobotSet) -> tuple[str, ...]:
     """The gateway is the API of the first chassis, and healthy when all that act are there."""
     arguments = ["--host", options.http.host, "--port", str(options.http.port)]
     if cast.chassis:

@@ -10,8 +10,8 @@ import typer
 
 from rackhand.bus import Bus
 from rackhand.bus.log import configure_logging, get_logger
-from rackhand.runtime.memory import keep_what_is_loaded
-from rackhand.runtime.priority import PLANNER, stand_back
+from rackhand.runtime.memory import freeze_gc
+from rackhand.runtime.priority import PLANNER, set_niceness
 from rackhand.schemas.service import ServiceId
 from rackhand.services.planner.behaviors.navigator import ChassisNavigator
 from rackhand.services.planner.chassis import Chassis, ChassisSettings
@@ -59,7 +59,7 @@ def main(
     remote_max_forward_velocity: Annotated[float, typer.Option(min=0.0, max=2.0, help="m/s in remote mode")] = 0.8,
 ) -> None:
     configure_logging("planner")
-    stand_back(PLANNER)
+    set_niceness(PLANNER)
     navigation = NavigationSettings()
     limits = replace(
         navigation.control, max_forward_velocity=max_forward_velocity, max_angular_velocity=max_angular_velocity
@@ -74,7 +74,7 @@ def main(
             chassis = Chassis(navigator, moves, maps, ChassisSettings(remote=remote))
             with Bus(ServiceId("planner", robot)) as bus:
                 bus.handle_signals()
-                keep_what_is_loaded()
+                freeze_gc()
                 PlannerService(bus, robot, chassis).run()
     except (StoreError, MapDirectoryError) as error:
         typer.echo(f"planner of {robot}: {error}", err=True)

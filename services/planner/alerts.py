@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rackhand.schemas.chassis import Alert
-from rackhand.services.planner.perception.chassis_state import QUALITY_LOST, Sensed
+from rackhand.services.planner.perception.chassis_state import QUALITY_LOST, ChassisState
 
 STUCK = 1007
 MAP_INFO_BAD = 1009
@@ -19,7 +19,7 @@ POOR_QUALITY = 3
 
 
 def active_alerts(
-    sensed: Sensed, *, moving: bool, stuck: bool, jack_failed: str | None, map_trouble: str | None
+    sensed: ChassisState, *, moving: bool, stuck: bool, jack_failed: str | None, map_trouble: str | None
 ) -> tuple[Alert, ...]:
     """All that is the matter now, in the order of their codes."""
     found: list[Alert] = []
@@ -34,7 +34,7 @@ def active_alerts(
     return tuple(sorted(found, key=lambda alert: alert.code))
 
 
-def _position(sensed: Sensed, moving: bool) -> list[Alert]:
+def _position(sensed: ChassisState, moving: bool) -> list[Alert]:
     if sensed.odometry is None:
         return []
     if sensed.pose_trouble() is not None:  # whose text has an age in it; a row stays the same while it stands
@@ -45,7 +45,7 @@ def _position(sensed: Sensed, moving: bool) -> list[Alert]:
     return []
 
 
-def _battery(sensed: Sensed) -> list[Alert]:
+def _battery(sensed: ChassisState) -> list[Alert]:
     if sensed.battery is None or sensed.battery.charging or sensed.battery.percentage >= LOW_CHARGE:
         return []
     if sensed.battery.percentage < CRITICAL_CHARGE:

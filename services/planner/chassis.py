@@ -40,11 +40,11 @@ from rackhand.services.planner.behaviors.interface import STANDSTILL, MoveFailed
 from rackhand.services.planner.behaviors.runner import PATIENCE_NS, MoveRunner
 from rackhand.services.planner.errors import RequestRefused
 from rackhand.services.planner.jacking import JackOrders
-from rackhand.services.planner.map.service import MapDesk
+from rackhand.services.planner.map.service import MapService
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteLimits, ramp
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
-from rackhand.services.planner.perception.chassis_state import Sensed
+from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.reports import Publication, Reports
 
 PERIOD_NS = 40_000_000  # between commands
@@ -72,11 +72,11 @@ class Chassis:
         self._settings = settings or ChassisSettings()
         self._navigator = navigator
         self._book = MoveBook(moves)
-        self._maps = MapDesk(maps, navigator)
+        self._maps = MapService(maps, navigator)
         self._runner = MoveRunner(navigator, self._settings.patience_ns)
         self._modes = Modes(self._settings.remote)
         self._jack = JackOrders()
-        self._sensed = Sensed()
+        self._sensed = ChassisState()
         self._reports = Reports()
         self._progress: Progress | None = None
         self._distance = 0.0
@@ -96,7 +96,7 @@ class Chassis:
         """The body is known: nothing else is missing to answer the driver."""
         return self._sensed.model is not None
 
-    def hear(self, message: Message) -> None:
+    def on_message(self, message: Message) -> None:
         """A measurement of the driver or the localiser."""
         if isinstance(message, ChassisModel) and not self._same_body(message):
             self._navigator.set_footprint(message.footprint)
@@ -111,14 +111,14 @@ class Chassis:
         known = self._sensed.model
         return known is not None and np.array_equal(known.footprint, model.footprint)
 
-    def hear_clock(self, clock: Clock) -> None:
+    def on_clock(self, clock: Clock) -> None:
         self._unix_ns, self._stamp = clock.unix_ns, clock.stamp
 
-    def begin_anew(self, why: str) -> None:
+    def reset(self, why: str) -> None:
         """The driver has gone or begun another run: a running move fails, and all that was measured is void."""
         self._fail(MoveFailReason.PLATFORM_ALERT_ERROR, f"{why} while the move ran")
         self._sensed.forget()
-        self._navigator.begin_anew()
+        self._navigator.reset()
         self._jack.forget()
         self._modes.forget_remote_twist()
         self._commanded = STANDSTILL

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 
-def json_trouble(value: Any) -> str | None:
+def json_error(value: Any) -> str | None:
     """Why a value would not come back from JSON as it went (bytes, NaN, integer keys, lone surrogates), or None."""
     try:
         text = json.dumps(value, allow_nan=False, ensure_ascii=False)

@@ -21,8 +21,23 @@ from rackhand.services.planner.errors import RequestRefused
 log = get_logger(__name__)
 
 SIMULATOR = ServiceId("sim", WORLD)
-HEARD = (topics.ODOMETRY, topics.SCAN, topics.POSE, topics.JACK, topics.BATTERY, topics.CONTACTS, topics.CHASSIS_MODEL)
-TOLD = (topics.PLANNING_STATE, topics.PATH, topics.MOVE_EVENT, topics.MAP, topics.CHASSIS_STATUS, topics.COSTMAP)
+SUBSCRIPTIONS = (
+    topics.ODOMETRY,
+    topics.SCAN,
+    topics.POSE,
+    topics.JACK,
+    topics.BATTERY,
+    topics.CONTACTS,
+    topics.CHASSIS_MODEL,
+)
+PUBLICATIONS = (
+    topics.PLANNING_STATE,
+    topics.PATH,
+    topics.MOVE_EVENT,
+    topics.MAP,
+    topics.CHASSIS_STATUS,
+    topics.COSTMAP,
+)
 ANSWERED = (topics.MOVES, topics.MAPS, topics.CHASSIS_REQUEST)
 READ_AHEAD = 64  # events taken in before a tick, so that it answers the newest odometry and yet is not put off for ever
 
@@ -44,12 +59,12 @@ class PlannerService:
             topics.CHASSIS_REQUEST: chassis.chassis,
         }
         self._command = bus.publisher(topics.COMMAND, robot)
-        self._publishers = {topic: bus.publisher(topic, robot) for topic in TOLD}
+        self._publishers = {topic: bus.publisher(topic, robot) for topic in PUBLICATIONS}
         self._inbox = self._subscribe()
 
     def _subscribe(self) -> Inbox:
         inbox = self._bus.inbox()
-        for topic in HEARD:
+        for topic in SUBSCRIPTIONS:
             inbox.subscribe(topic, self._robot)
         inbox.subscribe(topics.CLOCK, WORLD)
         for query in ANSWERED:
@@ -80,7 +95,7 @@ class PlannerService:
         try:
             match event:
                 case Sample():
-                    self._hear(event.topic, event.message)
+                    self._on_message(event.topic, event.message)
                 case Request():
                     self._serve(event)
                 case Presence(service=service, alive=alive) if service == SIMULATOR:
@@ -93,14 +108,14 @@ class PlannerService:
 
     # -- what is heard -----------------------------------------------------------------------------------------------
 
-    def _hear(self, topic: Topic[Any], message: Any) -> None:
+    def _on_message(self, topic: Topic[Any], message: Any) -> None:
         if topic is topics.CLOCK:
             self._void_if(self._link.clock(message))
-            self._chassis.hear_clock(message)
+            self._chassis.on_clock(message)
             return
         if topic is not topics.CHASSIS_MODEL:  # which is latched, and belongs to no instant
             self._void_if(self._link.sample(topic.name, message.stamp))
-        self._chassis.hear(message)
+        self._chassis.on_message(message)
         if topic is topics.ODOMETRY:
             self._odometry_stamp = message.stamp
 
@@ -108,7 +123,7 @@ class PlannerService:
         if why is not None:
             log.warning(why, robot=self._robot)
             self._odometry_stamp = self._answer = None
-            self._chassis.begin_anew(why)
+            self._chassis.reset(why)
         if self._link.alive != self._chassis.driver_alive:
             self._chassis.set_driver_alive(self._link.alive)
 

@@ -74,7 +74,7 @@ class NavigationSettings:
     # the global plan
     plan_margin: float = 0.035  # clearance of the footprint along a plan
     ground_margin: float = 0.0  # clearance of the footprint at start and goal
-    comfort_clearance: float = 0.5  # beyond the inscribed circle; nearer costs more
+    inflation_radius: float = 0.5  # beyond the inscribed circle; nearer costs more
     clearance_weight: float = 4.0
     max_expansions: int = 3_000_000
     expansions_per_tick: int = 5_000  # of a search with the footprint; about 20 ms

@@ -17,7 +17,7 @@ from rackhand.services.planner.control.dynamic_avoidance import least_gap
 from rackhand.services.planner.control.mppi import Mppi
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.map.grid import load_map
-from rackhand.services.planner.planning.distance_grid import Room
+from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.planning.plan import GlobalPlanner, Target
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -44,7 +44,7 @@ def warm_up(settings: NavigationSettings, make: Callable[[NavigationSettings], N
 def _give_way(settings: NavigationSettings) -> None:
     """Somebody comes towards the chassis: what real moves meet only when somebody does."""
     static = load_map(_room(), settings.slow_zone_velocity)
-    room = Room.of(static.blocked, static.geometry)
+    room = DistanceGrid.of(static.blocked, static.geometry)
     footprint = Footprint.of(np.array([(0.4, 0.2), (-0.4, 0.2), (-0.4, -0.2), (0.4, -0.2)]))
     here, goal = np.array([1.0, 2.5, 0.0]), np.array([4.0, 2.5, 0.0])
     movers = np.array([(3.0, 2.5, -1.0, 0.0, 0.25)])

@@ -10,8 +10,8 @@ import typer
 
 from rackhand.bus import Bus
 from rackhand.bus.log import configure_logging
-from rackhand.runtime.memory import keep_what_is_loaded
-from rackhand.runtime.priority import wake_promptly
+from rackhand.runtime.memory import freeze_gc
+from rackhand.runtime.priority import set_short_slice
 from rackhand.schemas.service import WORLD, ServiceId
 from rackhand.services.sim.chassis.noise import NoiseSettings
 from rackhand.services.sim.chassis.profiles import load_profiles
@@ -98,15 +98,15 @@ def main(
             build=lambda chosen: Simulation(loaded, profiles, chosen, settings),
             new_run=lambda: Run(uuid.uuid4().hex[:12], time.time_ns()),
             seed=loaded.seed if seed is None else seed,
-            pacer=Pacer(loaded.instant_ns, pace, lockstep, paused, awaited),
+            pacer=Pacer(loaded.control_step_ns, pace, lockstep, paused, awaited),
         )
     except WorldFileError as error:
         typer.echo(f"sim: {error}", err=True)
         raise typer.Exit(2) from None
-    wake_promptly()
+    set_short_slice()
     with Bus(ServiceId("sim", WORLD)) as bus:
         bus.handle_signals()
-        keep_what_is_loaded()
+        freeze_gc()
         SimService(bus, session).run()
 
 

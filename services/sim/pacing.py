@@ -44,13 +44,13 @@ class Pacer:
 
     def __init__(
         self,
-        instant_ns: int,
+        control_step_ns: int,
         speed: float | None = 1.0,
         lockstep: bool = False,
         paused: bool = False,
         awaited: tuple[ServiceId, ...] = (),
     ) -> None:
-        self._instant_ns = instant_ns
+        self._instant_ns = control_step_ns
         self._always_awaited = frozenset(awaited)
         self._awaited = set(awaited)
         self._speed = speed
@@ -92,7 +92,7 @@ class Pacer:
         """
         self._until, self._anchor = until, None
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Time begins at 0 again, and waits there for all who took part so far to join again."""
         self._awaited = {*self._always_awaited, *self.participants}
         self.participants.clear()

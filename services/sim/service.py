@@ -13,7 +13,7 @@ from rackhand.schemas.service import WORLD
 from rackhand.schemas.topics import Topic
 from rackhand.services.sim.errors import RequestRefused
 from rackhand.services.sim.session import Session
-from rackhand.services.sim.world.worldfile import INSTANT_NS
+from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS
 
 log = get_logger(__name__)
 
@@ -55,10 +55,10 @@ class SimService:
         self._waiting_for = ""
 
     def run(self) -> None:
-        self._tell_models()
-        self._tell_things()
+        self._publish_models()
+        self._publish_things()
         self._bus.announce()
-        self._tell_instant()
+        self._publish_instant()
         log.info("ready", world=self._session.simulation.world.name, seed=self._session.seed)
         while not self._bus.stopping:
             self._drain()
@@ -71,14 +71,14 @@ class SimService:
         match decision.kind:
             case "step":
                 simulation.step()
-                self._tell_outputs()
-                if simulation.stamp % INSTANT_NS == 0:
-                    self._tell_clock()
+                self._publish_outputs()
+                if simulation.stamp % CONTROL_STEP_NS == 0:
+                    self._publish_clock()
             case "retell":
                 self._log_waiting()
-                self._tell_instant()
+                self._publish_instant()
             case "tell_clock":
-                self._tell_clock()
+                self._publish_clock()
             case "wait":
                 event = self._inbox.get(timeout=decision.seconds)
                 if event is not None:
@@ -117,7 +117,7 @@ class SimService:
         if order.op in ("reset", "pause") and self._advancing is not None:
             self._advancing.refuse("precondition", f"{order.op} came before the world had advanced so far")
             self._advancing = None
-        self._tell_changes()
+        self._publish_changes()
         if reply is None:
             self._advancing = request
         else:
@@ -126,44 +126,44 @@ class SimService:
 
     def _finish_advance(self) -> None:
         if self._advancing is not None and self._session.pacer.until is None:
-            self._tell_clock()
+            self._publish_clock()
             self._advancing.reply(self._session.reply())
             self._advancing = None
 
     # -- what is told ------------------------------------------------------------------------------------------------
 
-    def _tell(self, topic: Topic[Any], robot: str, message: Any) -> None:
+    def _publish(self, topic: Topic[Any], robot: str, message: Any) -> None:
         self._publishers[topic, robot].put(message)
 
-    def _tell_instant(self) -> None:
-        self._tell_outputs()
-        self._tell_clock()
+    def _publish_instant(self) -> None:
+        self._publish_outputs()
+        self._publish_clock()
 
-    def _tell_outputs(self) -> None:
+    def _publish_outputs(self) -> None:
         for output in self._session.simulation.outputs:
-            self._tell(output.topic, output.robot, output.message)
+            self._publish(output.topic, output.robot, output.message)
 
-    def _tell_clock(self) -> None:
-        self._tell(topics.CLOCK, WORLD, self._session.clock)
+    def _publish_clock(self) -> None:
+        self._publish(topics.CLOCK, WORLD, self._session.clock)
 
-    def _tell_models(self) -> None:
+    def _publish_models(self) -> None:
         for name, robot in self._session.simulation.robots.items():
-            self._tell(topics.CHASSIS_MODEL, name, robot.chassis_model())
+            self._publish(topics.CHASSIS_MODEL, name, robot.chassis_model())
         for name in self._session.simulation.arms:
-            self._tell(topics.ARM_MODEL, name, self._session.simulation.arm_model(name))
+            self._publish(topics.ARM_MODEL, name, self._session.simulation.arm_model(name))
 
-    def _tell_things(self) -> None:
-        self._tell(topics.SCENE, WORLD, self._session.simulation.scene())
-        self._tell(topics.OBJECTS, WORLD, self._session.simulation.objects())
+    def _publish_things(self) -> None:
+        self._publish(topics.SCENE, WORLD, self._session.simulation.scene())
+        self._publish(topics.OBJECTS, WORLD, self._session.simulation.objects())
 
-    def _tell_changes(self) -> None:
+    def _publish_changes(self) -> None:
         changes = self._session.take_changes()
         if changes.clock:  # before the instant: who hears the first of a new run must know that it is one
-            self._tell_clock()
+            self._publish_clock()
         if changes.things:
-            self._tell_things()
+            self._publish_things()
         if changes.instant:
-            self._tell_instant()
+            self._publish_instant()
 
     def _log_fault(self, robot: str, command: Any) -> None:
         """A command that is wrong in itself is told of once; late ones are no fault."""

@@ -27,7 +27,7 @@ from rackhand.schemas.world import (
 from rackhand.services.sim.errors import RequestRefused, unknown
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.simulation import Simulation
-from rackhand.services.sim.world.worldfile import INSTANT_NS
+from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS
 
 # Whose commands a participant's answers are: one service commands a chassis, another an arm.
 CHASSIS_COMMANDER, ARM_COMMANDER = "planner", "controller"
@@ -69,7 +69,7 @@ class Session:
         return Clock(
             stamp=self.simulation.stamp,
             run=self.run.name,
-            step_ns=self.simulation.instant_ns,
+            step_ns=self.simulation.control_step_ns,
             speed=self.pacer.speed,
             paused=self.pacer.paused and self.pacer.until is None,
             lockstep=self.pacer.lockstep,
@@ -130,13 +130,13 @@ class Session:
         return self.reply()
 
     def reply(self) -> WorldReply:
-        ledger = self.simulation.ledger
+        contact_log = self.simulation.contact_log
         return WorldReply(
             clock=self.clock,
             seed=self.seed,
             digest=self.simulation.digest,
-            contact_count=ledger.count,
-            contacts=ledger.rows,
+            contact_count=contact_log.count,
+            contacts=contact_log.rows,
             participants=tuple(sorted(str(service) for service in self.pacer.participants)),
             command_stamps=dict(self.pacer.answers),
         )
@@ -149,7 +149,7 @@ class Session:
         commander = ARM_COMMANDER if is_arm else CHASSIS_COMMANDER
         if join.service != commander:
             raise unknown("commanding service", join.service, (commander,))
-        instant = simulation.instant_ns if is_arm else INSTANT_NS
+        instant = simulation.control_step_ns if is_arm else CONTROL_STEP_NS
         if join.period_ns % instant:
             raise RequestRefused(
                 "invalid", f"period {join.period_ns} ns is not a multiple of the control instant of {instant} ns"
@@ -162,7 +162,7 @@ class Session:
             raise RequestRefused("precondition", "the world runs; pause it before advancing it")
         if self.pacer.until is not None:
             raise RequestRefused("precondition", f"the world is on its way to stamp {self.pacer.until}")
-        instant = self.simulation.instant_ns
+        instant = self.simulation.control_step_ns
         self.pacer.advance(self.simulation.stamp + -(-duration_ns // instant) * instant)
         self.changes.clock = True
 
@@ -170,5 +170,5 @@ class Session:
         self.simulation = self.build(seed)
         self.seed = seed
         self.run = self.new_run()
-        self.pacer.begin_anew()
+        self.pacer.reset()
         self.changes.clock = self.changes.instant = self.changes.things = True

@@ -30,7 +30,7 @@ from rackhand.services.sim.mjcf.layers import ARM_BIT, ITEM_BIT, OBSTACLE_BIT, R
 from rackhand.services.sim.mjcf.scene import build_model
 from rackhand.services.sim.world import scenery
 from rackhand.services.sim.world.contact_log import ContactLedger
-from rackhand.services.sim.world.worldfile import INSTANT_NS, Mover, PoseTuple, Walk, World
+from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS, Mover, PoseTuple, Walk, World
 
 SETTLING_INSTANTS = 15
 FARTHEST = 1000.0
@@ -61,13 +61,13 @@ class Simulation:
 
     def __init__(self, world: World, profiles: Mapping[str, Profile], seed: int, noise: NoiseSettings = NOISE) -> None:
         self.world, self.seed = world, seed
-        self.instant_ns = world.instant_ns
+        self.control_step_ns = world.control_step_ns
         kinds = load_arm_kinds(world)
         self.model = build_model(world, profiles, kinds)
         self.data = mujoco.MjData(self.model)
         self.obstacles = Obstacles(self.model, self.data)
-        self._steps = round(self.instant_ns * 1e-9 / world.timestep)
-        self._controls = np.zeros((round(INSTANT_NS * 1e-9 / world.timestep), self.model.nu))
+        self._steps = round(self.control_step_ns * 1e-9 / world.timestep)
+        self._controls = np.zeros((round(CONTROL_STEP_NS * 1e-9 / world.timestep), self.model.nu))
         self.arms = {
             name: Arm(name, kind, world.arms[name].home or kind.home, self.model, self.data)
             for name, kind in kinds.items()
@@ -82,7 +82,7 @@ class Simulation:
         self._bodies = scenery.moving_bodies(self.model)
         hulls = {robot.hull: name for name, robot in self.robots.items()}
         hulls |= {int(geom): name for name, arm in self.arms.items() for geom in arm.geoms}
-        self.ledger = ContactLedger(hulls, self.model.ngeom, self._owner)
+        self.contact_log = ContactLedger(hulls, self.model.ngeom, self._owner)
         self.stamp = 0
         self._hash = hashlib.blake2b(digest_size=16)
         try:
@@ -195,31 +195,31 @@ class Simulation:
 
     def step(self) -> None:
         """Go on by one control instant with the newest commands."""
-        into = self.stamp % INSTANT_NS
+        into = self.stamp % CONTROL_STEP_NS
         if into == 0:
             self._begin_chassis_instant()
         for arm in self.arms.values():
             arm.begin(self.stamp)
-        first = into // self.instant_ns * self._steps
+        first = into // self.control_step_ns * self._steps
         self._run(self._controls[first : first + self._steps])
-        self.stamp += self.instant_ns
+        self.stamp += self.control_step_ns
         self._check_physics()
         self._finish_instant()
 
     def _begin_chassis_instant(self) -> None:
         """What the chassis' drives do, and where people go, in the next 20 ms."""
-        dt = INSTANT_NS * 1e-9
+        dt = CONTROL_STEP_NS * 1e-9
         for robot in self.robots.values():
             robot.drive(self._controls, self.stamp, dt)
         self._move_walkers(dt)
 
     def _run(self, controls: np.ndarray[Any, Any]) -> None:
-        """Step by step, so that no contact is too short for the ledger: 3 µs of Python beside some 25 µs of physics."""
+        """Step by step, so that no contact is too short for the log: 3 µs of Python beside some 25 µs of physics."""
         model, data, step_ns = self.model, self.data, round(self.world.timestep * 1e9)
         for i, row in enumerate(controls):
             data.ctrl[:] = row
             self._step_physics()
-            for name, index in self.ledger.observe(model, data, self.stamp + i * step_ns):
+            for name, index in self.contact_log.observe(model, data, self.stamp + i * step_ns):
                 if name in self.robots:
                     self.robots[name].bump(data.contact[index])
 
@@ -248,7 +248,7 @@ class Simulation:
 
     def _finish_instant(self) -> None:
         state = [self.data.qpos, self.data.qvel]
-        if self.stamp % INSTANT_NS == 0:
+        if self.stamp % CONTROL_STEP_NS == 0:
             self._kinematics()
             state += [self.data.act, self.data.mocap_pos, self.data.mocap_quat]
         self._hash.update(self.stamp.to_bytes(8, "little"))
@@ -267,11 +267,11 @@ class Simulation:
     def _due(self) -> list[Output]:
         """What is due now, in the order of the contract: odometry is the last of its robot, and of the instant."""
         arms = [Output(topics.ARM_STATE, name, arm.state(self.stamp)) for name, arm in self.arms.items()]
-        return arms if self.stamp % INSTANT_NS else self._due_of_chassis(arms)
+        return arms if self.stamp % CONTROL_STEP_NS else self._due_of_chassis(arms)
 
     def _due_of_chassis(self, arms: list[Output]) -> list[Output]:
         stamp, outputs = self.stamp, []
-        dt = INSTANT_NS * 1e-9 if stamp else 0.0
+        dt = CONTROL_STEP_NS * 1e-9 if stamp else 0.0
         for name, robot in self.robots.items():
             outputs.append(Output(topics.IMU, name, robot.imu(stamp)))
             if _is_due(topics.SCAN, stamp):

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rackhand.runtime.priority import RECORDER, VIEWER, stand_back
+from rackhand.runtime.priority import RECORDER, VIEWER, set_niceness
 
 EPILOG = """Examples:\n
   python -m rackhand.services.viewer\n
@@ -39,7 +39,7 @@ def main(
     except ImportError:
         print("the viewer needs Rerun: pip install 'rackhand[viewer]'", file=sys.stderr)
         raise SystemExit(2) from None
-    stand_back(VIEWER if serve else RECORDER)
+    set_niceness(VIEWER if serve else RECORDER)
     from rackhand.services.viewer.service import Settings, run
 
     raise SystemExit(run(Settings(host, web_port, data_port, memory, rate, save, serve)))

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from rackhand.services.viewer.geometry import rotation_matrices
 from rackhand.services.viewer.items import BUS_LOG, MAP, TIMELINE
-from rackhand.services.viewer.picture import Cast
+from rackhand.services.viewer.picture import RobotSet
 
 EMPTY_HALL = ((-5.0, -5.0, 0.0), (5.0, 5.0, 1.0))
 PLOT_SECONDS = 60.0
@@ -42,7 +42,7 @@ BUS_PLOTS = {"Lost: pushed out unread, or malformed": "bus/lost", "Received": "b
 Paths = tuple[str, ...]
 
 
-def shown(cast: Cast) -> Paths:
+def shown(cast: RobotSet) -> Paths:
     """Every entity that the layout looks at. Under ``SCENE`` and the entities of ``BUS_PLOTS`` there is one a thing."""
     chassis = (*CHASSIS_SHAPES, *_flat(CHASSIS_PLOTS.values()), LOG)
     arm = (*ARM_SHAPES, *_flat(ARM_PLOTS.values()), LOG)
@@ -53,7 +53,7 @@ def shown(cast: Cast) -> Paths:
     )
 
 
-def blueprint(cast: Cast) -> rrb.Blueprint:
+def blueprint(cast: RobotSet) -> rrb.Blueprint:
     """The layout for those who are to be seen."""
     tabs = [*([_driving(cast)] if cast.chassis else ()), *([_arm(cast)] if cast.arms else ()), _bus()]
     return rrb.Blueprint(
@@ -65,7 +65,7 @@ def blueprint(cast: Cast) -> rrb.Blueprint:
     )
 
 
-def _driving(cast: Cast) -> rrb.Container:
+def _driving(cast: RobotSet) -> rrb.Container:
     robots = cast.chassis
     shapes = (*_of(robots, CHASSIS_SHAPES), *_of(cast.arms, ("name", "path", "trail")))
     above = tuple(shape for shape in shapes if not shape.endswith("/name"))
@@ -78,7 +78,7 @@ def _driving(cast: Cast) -> rrb.Container:
     )
 
 
-def _arm(cast: Cast) -> rrb.Container:
+def _arm(cast: RobotSet) -> rrb.Container:
     arms = cast.arms
     shapes = (*_of(arms, ARM_SHAPES), *_of(cast.chassis, ("name", "footprint", "scan", "path")))
     return rrb.Horizontal(
@@ -133,7 +133,7 @@ def _space(name: str, shapes: Paths, eye: rrb.EyeControls3D) -> rrb.View:
 # -- cameras -----------------------------------------------------------------------------------------------------------
 
 
-def _overview(cast: Cast) -> rrb.EyeControls3D:
+def _overview(cast: RobotSet) -> rrb.EyeControls3D:
     """From the south, high enough to look over walls."""
     low, high = np.array(cast.bounds or EMPTY_HALL)
     middle, reach = (low + high) / 2, float(np.max((high - low)[:2]))
@@ -141,7 +141,7 @@ def _overview(cast: Cast) -> rrb.EyeControls3D:
     return rrb.EyeControls3D(position=position, look_target=(middle[0], middle[1], 0.0), eye_up=(0, 0, 1))
 
 
-def _from_above(cast: Cast) -> rrb.EyeControls3D:
+def _from_above(cast: RobotSet) -> rrb.EyeControls3D:
     low, high = np.array(cast.bounds or EMPTY_HALL)
     middle, reach = (low + high) / 2, float(np.max((high - low)[:2]))
     return rrb.EyeControls3D(
@@ -149,7 +149,7 @@ def _from_above(cast: Cast) -> rrb.EyeControls3D:
     )
 
 
-def _close_up(cast: Cast) -> rrb.EyeControls3D:
+def _close_up(cast: RobotSet) -> rrb.EyeControls3D:
     """Beside the first arm and in front of its tool; on that side of it where there is more room."""
     stand = cast.stands[0]
     turn = rotation_matrices(np.array([stand.orientation]))[0]

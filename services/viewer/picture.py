@@ -53,7 +53,7 @@ NEWEST: dict[Topic[Any], int] = {topics.POSE: KNOWN_POSES // 2} | {
 
 
 @dataclass(frozen=True)
-class Cast:
+class RobotSet:
     """Who is to be seen, where each arm stands, and the lowest and highest corner of the building."""
 
     chassis: tuple[str, ...] = ()
@@ -68,7 +68,7 @@ class Picture:
     def __init__(self) -> None:
         self._views: dict[tuple[type[Any], str], Any] = {}
 
-    def hear(self, topic: Topic[Any], robot: str, message: Any) -> list[Item]:
+    def on_message(self, topic: Topic[Any], robot: str, message: Any) -> list[Item]:
         """What a message changes in the picture."""
         kind, method = route(topic)
         view, items = self._views.get((kind, robot)), []
@@ -78,10 +78,10 @@ class Picture:
         return [*items, *getattr(view, method)(message)]
 
     @property
-    def cast(self) -> Cast:
+    def cast(self) -> RobotSet:
         chassis, arms = self._of(ChassisView), self._of(ArmView)
         worlds = self._of(WorldView).values()
-        return Cast(
+        return RobotSet(
             tuple(sorted(chassis)),
             tuple(sorted(arms)),
             tuple(view.stand for _, view in sorted(arms.items())),

@@ -20,7 +20,7 @@ from rackhand.schemas.service import CELL, ServiceId
 from rackhand.schemas.topics import Qos
 from rackhand.services.viewer.blueprint import blueprint
 from rackhand.services.viewer.bus_view import presence
-from rackhand.services.viewer.picture import DRAWN, NEWEST, Cast, Picture
+from rackhand.services.viewer.picture import DRAWN, NEWEST, Picture, RobotSet
 from rackhand.services.viewer.recording import Recording, Stamped
 from rackhand.services.viewer.server import CannotServe, Server
 
@@ -132,14 +132,14 @@ class Viewer:
         for topic, keep in NEWEST.items():
             self._newest.follow(topic, keep=keep)
         self._recording: Recording | None = None
-        self._picture, self._cast, self._cast_since = Picture(), Cast(), 0.0
+        self._picture, self._cast, self._cast_since = Picture(), RobotSet(), 0.0
         self._run: str | None = None  # as the clock names it; None without a clock
         self._now, self._repeated = 0, 0
         self._waiting: list[Event] = []  # before it is known which run it is
         self._waiting_since: float | None = None
         self._timeless: dict[tuple[str, str], Sample] = {}
         self._rows_due, self._repeat_due = Every(ROWS_EVERY), Every(REPEAT_EVERY)
-        self._layout: Cast | None = None
+        self._layout: RobotSet | None = None
         self._layout_each_run = layout_each_run
 
     def run(self, alive: Callable[[], bool] = lambda: True) -> None:
@@ -224,7 +224,7 @@ class Viewer:
         stamp = self._stamp(sample.message)
         if stamp is None and not timeless:
             return
-        for item in self._picture.hear(topic, sample.robot, sample.message):
+        for item in self._picture.on_message(topic, sample.robot, sample.message):
             yield self._now if stamp is None else stamp, item
 
     def _stamp(self, message: Any) -> int | None:

@@ -275,7 +275,7 @@ def test_a_service_tells_what_it_read_lost_and_could_not_parse(bus: Bus, router:
 def test_patient_requests_wait_for_all_else_and_none_is_lost(happenings: list[str]) -> None:
     inbox = Inbox(cast(Bus, None))
     pushers = {
-        name: inbox._pusher(inbox._add_source(4, lambda item: item, patient=name in ("command", "other")))
+        name: inbox._pusher(inbox._add_source(4, lambda item: item, low_priority=name in ("command", "other")))
         for name in ("state", "stop", "command", "other")
     }
     waiting: list[tuple[str, int]] = []
@@ -302,7 +302,7 @@ def test_patient_requests_wait_for_all_else_and_none_is_lost(happenings: list[st
 def test_a_reader_that_cannot_keep_up_serves_patient_requests_all_the_same() -> None:
     inbox = Inbox(cast(Bus, None))
     state = inbox._pusher(inbox._add_source(4, lambda item: item))
-    request = inbox._pusher(inbox._add_source(4, lambda item: item, patient=True))
+    request = inbox._pusher(inbox._add_source(4, lambda item: item, low_priority=True))
     request("request")
     heard = []
     for _ in range(3 * MAX_OVERTAKES):

@@ -304,7 +304,7 @@ def test_a_driver_that_begins_anew_leaves_no_holder_and_no_motion() -> None:
     cell = PerfectArm()
     begin(cell, "path")
     cell.advance(0.2)
-    cell.controller.begin_anew("reset")
+    cell.controller.reset("reset")
     cell.stamp, cell.dq = 0, np.zeros(6)
     where = cell.q.copy()
     cell.tick()
@@ -318,7 +318,7 @@ def test_a_driver_that_begins_anew_leaves_no_holder_and_no_motion() -> None:
 
 def test_an_unplugged_arm_refuses_motion_and_says_so() -> None:
     cell = PerfectArm()
-    cell.controller.begin_anew("the arm's driver has gone")
+    cell.controller.reset("the arm's driver has gone")
     answer = cell.ask("a", command="appendPath", priority=10, type="joints", data=joints(UR5E, 0.1))
     assert answer["message"]["code"] == CrfCode.Forbidden
     status = cell.get_status()

@@ -85,12 +85,12 @@ def test_stops_and_changes_of_holder_drop_nothing() -> None:
 def test_a_controller_that_begins_adopts_what_it_finds(measured: Gripper) -> None:
     cell = PerfectArm(gripper=measured)
     assert suction(cell) == measured.suction
-    cell.controller.begin_anew("a test")
+    cell.controller.reset("a test")
     cell.gripper = Gripper(suction=not measured.suction, holding=False)
     assert suction(cell) != measured.suction, "also after the driver has begun anew"
 
 
 def test_nothing_is_switched_before_the_driver_is_there() -> None:
     cell = PerfectArm(gripper=OFF)
-    cell.controller.begin_anew("a test")
+    cell.controller.reset("a test")
     assert cell.ask("a", command="setGripper", priority=10, suction=True)["message"]["code"] == 403

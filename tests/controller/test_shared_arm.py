@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from rackhand.schemas.motion import ArmCommand
-from rackhand.services.controller.access.hop import LastHop
+from rackhand.services.controller.access.hop import FencingGuard
 from rackhand.services.controller.protocol.dispatch import alias
 from tests.controller.cell import PERIOD_NS, UR5E, PerfectArm
 
@@ -37,7 +37,7 @@ class SharedArm(RuleBasedStateMachine):
         # So slow that a path outlives every lock: what ends it is its loss.
         self.arm.ok("setup", command="setProfileVelocity", type="joints", data=[0.2] * 6)
         assert self.arm.ask("setup", command="unlockControl", priority=10)["message"] is True
-        self.hop = LastHop()
+        self.hop = FencingGuard()
         self.sent: list[ArmCommand] = []
         self.texts: list[tuple[str, str]] = []
         self.free_since: int | None = 0  # when the arm was last left without anybody to move it
@@ -156,7 +156,7 @@ class SharedArm(RuleBasedStateMachine):
     @rule()
     def crash(self) -> None:
         """The driver goes and comes back: a new epoch, nobody's arm, standing."""
-        self.arm.controller.begin_anew("crash")
+        self.arm.controller.reset("crash")
         self.arm.dq = np.zeros(6)
         self.arm.command = None
         self.arm.advance(0.0)

@@ -21,7 +21,7 @@ def server() -> Iterator[Gateway]:
 
 @pytest.fixture
 def gateway(server: Gateway) -> Gateway:
-    server.begin_anew()
+    server.reset()
     return server
 
 

@@ -57,18 +57,18 @@ class Gateway:
     def _context(self) -> Context:
         return cast(Context, self._app.state.context)
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Forget everything that was heard and asked; listen on as before."""
         settings, expected = self._context.settings, self._context.state.expected
         state = State(settings.robot, expected, STARTED)
         self._app.state.context = Context(settings, state, Hub(state, settings.interval), FakeBus())
 
-    def hear(self, *events: Event) -> None:
+    def on_message(self, *events: Event) -> None:
         """Have events arrive from the bus; returns when they are taken in."""
-        self.call(lambda: [self.hub.hear(event) for event in events])
+        self.call(lambda: [self.hub.on_message(event) for event in events])
 
     def publish(self, topic: topics.Topic[Any], message: Message) -> None:
-        self.hear(Sample(topic, "amr1", message))
+        self.on_message(Sample(topic, "amr1", message))
 
     def call(self, function: Callable[[], Any]) -> Any:
         """Run something in the server's loop."""

@@ -146,7 +146,7 @@ def test_malformed_frames(listening: Socket, frame: bytes) -> None:
 
 @pytest.fixture(scope="module")
 def listening(server: Gateway) -> Any:
-    server.begin_anew()
+    server.reset()
     with server.websocket() as client:
         yield client
 

@@ -16,7 +16,7 @@ PLANNER = ServiceId("planner", "amr1")
 
 
 def heard(state: State, topic: topics.Topic[Any], message: Any) -> list[Change]:
-    return state.hear(Sample(topic, "amr1", message), 0.0)
+    return state.on_message(Sample(topic, "amr1", message), 0.0)
 
 
 def test_only_the_distance_is_a_stream_every_other_change_of_a_move_is_an_event() -> None:
@@ -78,8 +78,8 @@ def test_services_come_go_and_come_back() -> None:
     state = State("amr1", [PLANNER])
     assert not state.all_up
     for alive, now in ((True, 10.0), (True, 11.0), (False, 12.0), (True, 13.0)):
-        assert state.hear(Presence(PLANNER, alive), now) == []
+        assert state.on_message(Presence(PLANNER, alive), now) == []
     known = state.services[PLANNER]
     assert (state.all_up, known.alive, known.since, known.restarts) == (True, True, 13.0, 1)
-    state.hear(Presence(PLANNER, False), 14.0)
+    state.on_message(Presence(PLANNER, False), 14.0)
     assert (state.all_up, known.since, known.restarts) == (False, 14.0, 1)

@@ -65,7 +65,7 @@ class ScriptedNavigator:
     def set_footprint(self, footprint: Any) -> None:
         self.footprint = footprint
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         self.goal = None
 
     def start(self, goal: Goal, seen: Observation) -> None:
@@ -144,7 +144,7 @@ class Cell:
             self.maps.use(self.maps.create(a_map(), 0))
         self.chassis = Chassis(self.navigator, self.moves, self.maps, self.settings)
         footprint = np.array([[0.4, 0.2], [-0.4, 0.2], [-0.4, -0.2], [0.4, -0.2]])
-        self.chassis.hear(
+        self.chassis.on_message(
             ChassisModel(profile="longjack", footprint=footprint, wheel_separation=0.4, wheel_radius=0.08)
         )
         self.chassis.set_driver_alive(True)
@@ -154,14 +154,14 @@ class Cell:
         """All that the driver tells of this instant."""
         pose = Pose2(x=0.0, y=0.0, yaw=0.0)
         if self.pose_alive:
-            self.chassis.hear(
+            self.chassis.on_message(
                 LocalisedPose(stamp=self.stamp, pose=pose, covariance=np.eye(3) * 1e-4, quality=self.quality)
             )
         if self.jack is not None:
-            self.chassis.hear(self.jack.model_copy(update={"stamp": self.stamp}))
-        self.chassis.hear(Contacts(stamp=self.stamp, **self.contacts))
-        self.chassis.hear(Odometry(stamp=self.stamp, pose=pose, twist=self.twist, wheel_velocities=(0.0, 0.0)))
-        self.chassis.hear_clock(self.clock())
+            self.chassis.on_message(self.jack.model_copy(update={"stamp": self.stamp}))
+        self.chassis.on_message(Contacts(stamp=self.stamp, **self.contacts))
+        self.chassis.on_message(Odometry(stamp=self.stamp, pose=pose, twist=self.twist, wheel_velocities=(0.0, 0.0)))
+        self.chassis.on_clock(self.clock())
 
     def clock(self) -> Clock:
         return Clock(

@@ -156,7 +156,7 @@ def test_a_remote_twist_does_not_outlive_a_reset_of_time(cell: Cell) -> None:
     cell.ask(SetControlMode(control_mode="remote"))
     cell.tick(3)
     cell.ask(remote(0.5))
-    cell.chassis.begin_anew("reset")
+    cell.chassis.reset("reset")
     assert cell.tick(3).twist == STANDSTILL, "though by its stamp it would live"
 
 
@@ -207,7 +207,7 @@ def test_no_jack_no_jacking(cell: Cell) -> None:
     [(0.5, False, []), (0.19, False, [8501]), (0.09, False, [8003]), (0.09, True, [])],
 )
 def test_battery_alerts(cell: Cell, percentage: float, charging: bool, codes: list[int]) -> None:
-    cell.chassis.hear(Battery(stamp=0, percentage=percentage, voltage=24.0, current=1.0, charging=charging))
+    cell.chassis.on_message(Battery(stamp=0, percentage=percentage, voltage=24.0, current=1.0, charging=charging))
     cell.tick()
     alerts = cell.heard(topics.CHASSIS_STATUS)[-1].alerts
     assert [alert.code for alert in alerts] == codes

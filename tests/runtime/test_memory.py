@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rackhand.runtime.memory import keep_what_is_loaded
+from rackhand.runtime.memory import freeze_gc
 
 
 class Node:
@@ -24,13 +24,13 @@ def unfreeze() -> Iterator[None]:
 
 def test_loaded_things_are_no_longer_looked_at() -> None:
     loaded = Node()
-    keep_what_is_loaded()
+    freeze_gc()
     assert not any(thing is loaded for thing in gc.get_objects())
     assert len(gc.get_objects()) < 1000
 
 
 def test_later_garbage_is_collected() -> None:
-    keep_what_is_loaded()
+    freeze_gc()
     gone = weakref.ref(Node())
     gc.collect()
     assert gone() is None

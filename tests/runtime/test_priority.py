@@ -14,13 +14,13 @@ from collections.abc import Callable
 import pytest
 
 from rackhand.runtime import priority
-from rackhand.runtime.priority import SLICE_NS, run_in_real_time, wake_promptly
+from rackhand.runtime.priority import SLICE_NS, run_in_real_time, set_short_slice
 from tests.scheduling import IN_REAL_TIME, grants_real_time, heeded, in_thread, on_linux, slice_and_nice
 from tests.system.cell import ROOT
 
 
 def test_who_stands_back_has_a_lesser_share() -> None:
-    ask = "import os; from rackhand.runtime.priority import stand_back; stand_back(7); print(os.nice(0))"
+    ask = "import os; from rackhand.runtime.priority import set_niceness; set_niceness(7); print(os.nice(0))"
     told = subprocess.run([sys.executable, "-c", ask], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert int(told) == min(os.nice(0) + 7, 19)
 
@@ -30,7 +30,7 @@ def test_the_thread_and_those_it_starts_have_short_slices_and_others_keep_theirs
     before, nice = slice_and_nice()
 
     def ask() -> tuple[bool, tuple[int, int], object]:
-        return wake_promptly(), slice_and_nice(), in_thread(slice_and_nice)
+        return set_short_slice(), slice_and_nice(), in_thread(slice_and_nice)
 
     assert before > SLICE_NS
     assert in_thread(ask) == (True, (SLICE_NS, nice), (SLICE_NS, nice))
@@ -41,7 +41,7 @@ def test_the_thread_and_those_it_starts_have_short_slices_and_others_keep_theirs
 def test_what_is_nice_stays_so() -> None:
     def ask() -> tuple[bool, tuple[int, int]]:
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 7)
-        return wake_promptly(), slice_and_nice()
+        return set_short_slice(), slice_and_nice()
 
     assert in_thread(ask) == (True, (SLICE_NS, 7))
 
@@ -50,14 +50,14 @@ def test_what_is_nice_stays_so() -> None:
 def test_a_policy_somebody_chose_stays() -> None:
     def ask() -> tuple[bool, int]:
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
-        return wake_promptly(), os.sched_getscheduler(0)
+        return set_short_slice(), os.sched_getscheduler(0)
 
     assert in_thread(ask) == (False, os.SCHED_BATCH)
 
 
 def test_where_nothing_can_be_asked_nothing_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(priority.platform, "machine", lambda: "unheard-of")
-    assert wake_promptly() is False
+    assert set_short_slice() is False
 
 
 @grants_real_time

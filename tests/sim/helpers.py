@@ -9,7 +9,7 @@ from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.topics import Topic
 from rackhand.services.sim.chassis.noise import NoiseSettings
 from rackhand.services.sim.chassis.profiles import load_profiles
-from rackhand.services.sim.simulation import INSTANT_NS, Simulation
+from rackhand.services.sim.simulation import CONTROL_STEP_NS, Simulation
 from rackhand.services.sim.world.worldfile import World
 
 EXACT = NoiseSettings(scale=0.0)
@@ -43,7 +43,7 @@ def drive(
     """Answer every instant of the chassis with this twist for so long. Returns all that was published meanwhile."""
     heard, end = [], simulation.stamp + round(seconds * 1e9)
     while simulation.stamp < end:
-        if simulation.stamp % INSTANT_NS == 0:
+        if simulation.stamp % CONTROL_STEP_NS == 0:
             twist = Twist2(linear=linear, angular=angular)
             simulation.command(robot, ChassisCommand(answers=simulation.stamp, twist=twist, jack=jack))
         simulation.step()

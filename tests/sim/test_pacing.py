@@ -194,11 +194,11 @@ def test_beginning_anew_waits_for_all_who_took_part() -> None:
     pacer = Pacer(INSTANT, speed=None)
     pacer.join(PLANNER, PERIOD, 0)
     pacer.answered("amr1", 500 * MS)
-    pacer.begin_anew()
+    pacer.reset()
     assert pacer.missing(0) == [PLANNER] and pacer.answers == {}
     pacer.join(PLANNER, PERIOD, 0)
     assert pacer.missing(0) == []
-    pacer.begin_anew()
+    pacer.reset()
     pacer.leave(PLANNER)
     assert pacer.missing(0) == [], "who took part and has died is not waited for"
 

@@ -19,13 +19,13 @@ from rackhand.schemas.service import CELL, ServiceId
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.service import SimService
 from rackhand.services.sim.session import Run, Session
-from rackhand.services.sim.simulation import INSTANT_NS
+from rackhand.services.sim.simulation import CONTROL_STEP_NS
 from rackhand.services.sim.world.worldfile import World
 from tests.bus.conftest import free_port
 from tests.sim.helpers import make_simulation, make_world
 
 PLANNER = ServiceId("planner", "amr1")
-PERIOD = 2 * INSTANT_NS
+PERIOD = 2 * CONTROL_STEP_NS
 WORLD = make_world(statics={"wall": {"kind": "wall", "start": (9, -9), "end": (9, 9)}})
 
 
@@ -72,7 +72,7 @@ def start() -> Iterator[Any]:
             build=lambda seed: make_simulation(world, seed),
             new_run=lambda: Run(f"run{next(names)}", 0),
             seed=1,
-            pacer=Pacer(world.instant_ns, **({"speed": None} | pace)),
+            pacer=Pacer(world.control_step_ns, **({"speed": None} | pace)),
         )
         sim_bus = Bus(ServiceId("sim", "world"), BusConfig(listen=endpoint, connect=""))
         thread = threading.Thread(target=serve, args=(sim_bus, session))

@@ -15,10 +15,10 @@ from rackhand.schemas.service import ServiceId
 from rackhand.services.sim.errors import RequestRefused
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.session import Run, Session
-from rackhand.services.sim.simulation import INSTANT_NS
+from rackhand.services.sim.simulation import CONTROL_STEP_NS
 from tests.sim.helpers import STILL, make_simulation, make_world
 
-PERIOD = 2 * INSTANT_NS
+PERIOD = 2 * CONTROL_STEP_NS
 
 
 def make_session(**pace: Any) -> Session:
@@ -28,7 +28,7 @@ def make_session(**pace: Any) -> Session:
         build=lambda seed: make_simulation(world, seed),
         new_run=lambda: Run(f"run{next(numbers)}", 1_000),
         seed=4,
-        pacer=Pacer(INSTANT_NS, **({"speed": None} | pace)),
+        pacer=Pacer(CONTROL_STEP_NS, **({"speed": None} | pace)),
     )
 
 
@@ -47,7 +47,13 @@ def test_inspect_tells_how_the_world_stands() -> None:
     session.simulation.step()
     reply = ask(session, asked.Inspect())
     assert reply.clock == asked.Clock(
-        stamp=INSTANT_NS, run="run1", step_ns=INSTANT_NS, speed=None, paused=False, lockstep=True, unix_ns=1_000
+        stamp=CONTROL_STEP_NS,
+        run="run1",
+        step_ns=CONTROL_STEP_NS,
+        speed=None,
+        paused=False,
+        lockstep=True,
+        unix_ns=1_000,
     )
     assert (reply.seed, reply.contact_count, reply.participants) == (4, 0, ())
     assert reply.digest == session.simulation.digest
@@ -87,7 +93,7 @@ def test_an_arm_is_commanded_by_its_controller_at_its_own_instants() -> None:
         build=lambda seed: make_simulation(world, seed),
         new_run=lambda: Run("run", 0),
         seed=0,
-        pacer=Pacer(world.instant_ns, speed=None, lockstep=True),
+        pacer=Pacer(world.control_step_ns, speed=None, lockstep=True),
     )
     controller, planner = join(4_000_000, "arm1", "controller"), join()
     for wrong, told in (
@@ -158,7 +164,7 @@ def test_reset_begins_anew_with_the_seed_and_without_what_was_done() -> None:
 
 def test_advance_is_answered_when_it_has_arrived() -> None:
     session = make_session(paused=True)
-    assert session.handle(asked.WorldRequest(request=asked.Advance(duration_ns=INSTANT_NS + 1))) is None
+    assert session.handle(asked.WorldRequest(request=asked.Advance(duration_ns=CONTROL_STEP_NS + 1))) is None
     assert not session.clock.paused
     with pytest.raises(RequestRefused, match="on its way to stamp 40000000"):
         session.handle(asked.WorldRequest(request=asked.Advance(duration_ns=1)))

@@ -59,14 +59,14 @@ def fr3_station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
 @pytest.fixture
 def station(ur5e_station: Station) -> Station:
     """The arm at rest at home, nobody's, nothing latched."""
-    return ur5e_station.begin_anew()
+    return ur5e_station.reset()
 
 
 @pytest.fixture(params=["ur5e", "fr3"])
 def either(request: pytest.FixtureRequest) -> tuple[Station, ik.Arm]:
     """``station`` with one arm or the other."""
     station: Station = request.getfixturevalue(f"{request.param}_station")
-    return station.begin_anew(), ik.load_arm(request.param)
+    return station.reset(), ik.load_arm(request.param)
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -47,7 +47,7 @@ class Station:
         profile = self.ask("a", command="getConfiguration")["message"]["ProfileParameters"]
         self._profile = {"joints": profile["JointVelocities"], "task": profile["TaskVelocity"]}
 
-    def begin_anew(self) -> Station:
+    def reset(self) -> Station:
         """The world begins anew, and with it the controller. The profile's velocities, which outlive that, are as they
         were at first; nobody holds the arm, nothing is latched."""
         self.judge.ask(Reset())

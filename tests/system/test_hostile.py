@@ -175,7 +175,7 @@ class Run:
     """What the joints were told and did on the same path."""
 
     def __init__(self, station: Station) -> None:
-        self.station = station.begin_anew()
+        self.station = station.reset()
         self.states: list[ArmState] = []
         self._heard: Inbox = station.bus.inbox().subscribe(topics.ARM_COMMAND, "arm1", depth=10_000)
         holder = {"command": "appendPath", "priority": 1, "type": "joints"}

@@ -19,14 +19,14 @@ from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.service import CELL, ServiceId
 from rackhand.schemas.world import Objects
 from rackhand.services.viewer.blueprint import shown
-from rackhand.services.viewer.picture import Cast
+from rackhand.services.viewer.picture import RobotSet
 from tests.system.cell import ROOT, Cell
 from tests.system.driving import Driver
 from tests.system.judge import Judge, standard
 from tests.viewer import native, reading
 from tests.viewer.native import PATIENCE
 
-CAST = Cast(chassis=("amr1",), arms=("arm1",))
+CAST = RobotSet(chassis=("amr1",), arms=("arm1",))
 INSTANTS = 25  # at which a recording is held to what was, at least: how many more there are depends on the load
 MEMORY = 3_000_000  # bytes that the live view keeps where it is to forget
 T = TypeVar("T")

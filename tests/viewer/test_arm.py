@@ -9,7 +9,7 @@ from rackhand.schemas.motion import ArmModel, ControlInfo, Gripper, Holder, Moti
 from rackhand.services.viewer.arm import ArmView
 from rackhand.services.viewer.blueprint import EMPTY_HALL, blueprint, shown
 from rackhand.services.viewer.items import Drawing, Note, Pose, Row
-from rackhand.services.viewer.picture import Cast
+from rackhand.services.viewer.picture import RobotSet
 from tests.viewer.test_service import UPRIGHT, arm_status, diagnostics
 
 
@@ -64,8 +64,8 @@ def test_the_log_tells_who_holds_control_and_who_stopped(view: ArmView) -> None:
 
 
 def test_the_layout_has_a_tab_for_whom_there_is() -> None:
-    everything = Cast(("amr1",), ("arm1",), (ArmView("arm1").stand,), EMPTY_HALL)
-    for cast in (everything, Cast(), Cast(chassis=("amr1", "amr2"))):
+    everything = RobotSet(("amr1",), ("arm1",), (ArmView("arm1").stand,), EMPTY_HALL)
+    for cast in (everything, RobotSet(), RobotSet(chassis=("amr1", "amr2"))):
         assert blueprint(cast).root_container.contents
     assert {"amr1/scan", "arm1/path", "scene", "tf", "bus/log"} <= set(shown(everything))
-    assert not [entity for entity in shown(Cast(chassis=("amr1",))) if entity.startswith("arm")]
+    assert not [entity for entity in shown(RobotSet(chassis=("amr1",))) if entity.startswith("arm")]

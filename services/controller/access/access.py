@@ -4,7 +4,7 @@ A pure state machine: what happens goes in with a monotonic time, the answer and
 
 * One holder, and it has a name: identity is (priority, client). A smaller number pre-empts at once; an equal number of
   another client is refused. Any accepted command takes the lock, as in CRF.
-* Every grant and every loss counts the lease up, so that a token of the past is recognisable (``LastHop``).
+* Every grant and every loss counts the lease up, so that a token of the past is recognisable (``FencingGuard``).
 * A holder that falls silent loses control, and its motion ends as declared. What a former holder set in motion is
   stopped and cleared before another client's first command.
 * Stops are taken from anyone. One from somebody else than the holder latches: nothing moves until the holder or a
@@ -29,6 +29,7 @@ from rackhand.services.controller.access.types import (
     Command,
     ContinueMotion,
     ControlEvent,
+    Decision,
     Disconnected,
     Lock,
     OnLoss,
@@ -42,13 +43,12 @@ from rackhand.services.controller.access.types import (
     Takeover,
     Tick,
     Unlock,
-    Verdict,
 )
 
 SEVERAL = ""
 """Stands for more than one client where one is named; no client has an empty name."""
 
-_NOT_CONFIGURED = Verdict(False, CrfCode.BadRequest, text="Heartbeat has not been configured")
+_NOT_CONFIGURED = Decision(False, CrfCode.BadRequest, text="Heartbeat has not been configured")
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class Access:
         self._orders, self._events, self._audit = [], [], []
         return outcome
 
-    def _dispatch(self, happened: AccessInput) -> Verdict:
+    def _dispatch(self, happened: AccessInput) -> Decision:
         match happened:
             case Lock():
                 return self._lock(happened)
@@ -143,9 +143,9 @@ class Access:
                     self._mover = None
             case Tick():
                 pass
-        return Verdict(True)
+        return Decision(True)
 
-    def _lock(self, lock: Lock) -> Verdict:
+    def _lock(self, lock: Lock) -> Decision:
         caller = lock.caller
         force = lock.force and caller.role in self.config.force_roles
         refusal = self._claim(caller.client, lock.priority, force)
@@ -159,20 +159,20 @@ class Access:
                 self._wait(entry)
             return self._deny(caller, "lockControl", lock.priority, refusal)
         self._take(entry, caller, lock.takeover, force)
-        return Verdict(True, token=self.token, keep_alive_ns=entry.keep_alive_ns, after_rest=self._stopping)
+        return Decision(True, token=self.token, keep_alive_ns=entry.keep_alive_ns, after_rest=self._stopping)
 
-    def _unlock(self, unlock: Unlock) -> Verdict:
+    def _unlock(self, unlock: Unlock) -> Decision:
         client, held = unlock.caller.client, self._holder
         if held and (held.client, held.priority) == (client, unlock.priority):
             self._note("unlockControl", unlock.caller, unlock.priority)
             self._lose("released", self.config.on_release)
             self._promote()
-            return Verdict(True)
+            return Decision(True)
         if self._waiting.pop((unlock.priority, client), None):
-            return Verdict(True)
-        return Verdict(False, CrfCode.Forbidden, text=f"priority {unlock.priority} is not held by {client}")
+            return Decision(True)
+        return Decision(False, CrfCode.Forbidden, text=f"priority {unlock.priority} is not held by {client}")
 
-    def _command(self, command: Command) -> Verdict:
+    def _command(self, command: Command) -> Decision:
         """Refused without a trace in the state, or granted: then the lock is taken or refreshed."""
         caller = command.caller
         refusal = self.refusal(command)
@@ -186,14 +186,14 @@ class Access:
             self._begin(caller.client)
         if command.audited:
             self._note(command.name, caller, command.priority)
-        return Verdict(
+        return Decision(
             True, token=self.token, keep_alive_ns=entry.keep_alive_ns, after_rest=self._stopping, serial=self._serial
         )
 
-    def _stop(self, stop: Stop) -> Verdict:
+    def _stop(self, stop: Stop) -> Decision:
         caller, held = stop.caller, self._holder
         if self.config.strict_crf and held and (stop.priority is None or held.priority < stop.priority):
-            refusal = Verdict(False, CrfCode.Forbidden, text=f"{held.client} holds priority {held.priority}")
+            refusal = Decision(False, CrfCode.Forbidden, text=f"{held.client} holds priority {held.priority}")
             return self._deny(caller, stop.kind, stop.priority or 0, refusal)
         if held and held.client == caller.client:
             self._holder = replace(held, refreshed=self._now)
@@ -203,13 +203,13 @@ class Access:
         info = self._info(held, by=caller.client, by_priority=stop.priority, kind=stop.kind)
         self._events.append(ControlEvent("stopped", "", info))
         self._note(stop.kind, caller, stop.priority or 0)
-        return Verdict(True, serial=self._serial)
+        return Decision(True, serial=self._serial)
 
-    def _heartbeat(self, beat: StartBeat | Beat | StopBeat) -> Verdict:
+    def _heartbeat(self, beat: StartBeat | Beat | StopBeat) -> Decision:
         client = beat.caller.client
         if isinstance(beat, StartBeat):
             if client not in self._beats and len(self._beats) >= self.config.max_clients:
-                return Verdict(False, CrfCode.ServiceUnavailable, text=f"{len(self._beats)} heartbeats are watched")
+                return Decision(False, CrfCode.ServiceUnavailable, text=f"{len(self._beats)} heartbeats are watched")
             self._beats[client] = (beat.period_ns, self._now)
         elif client not in self._beats:
             return _NOT_CONFIGURED
@@ -219,21 +219,21 @@ class Access:
             self._beats[client] = (self._beats[client][0], self._now)
         if self._holder and self._holder.client == client:
             self._holder = replace(self._holder, refreshed=self._now)
-        return Verdict(True)
+        return Decision(True)
 
     # -- who may ------------------------------------------------------------------------------------------------------
 
-    def refusal(self, command: Command) -> Verdict | None:
+    def refusal(self, command: Command) -> Decision | None:
         """Why ``command`` would be refused as things stand; ``None`` if it would be granted. Changes nothing."""
         client = command.caller.client
         return self._outdated(command) or self._claim(client, command.priority) or self._blocked(command, client)
 
-    def _claim(self, client: str, priority: int, force: bool = False) -> Verdict | None:
+    def _claim(self, client: str, priority: int, force: bool = False) -> Decision | None:
         """Why ``client`` may not control at ``priority``; ``None`` if it may."""
         for number, clients in self.config.reserved:
             if number == priority and client not in clients:
                 text = f"priority {priority} is reserved"
-                return Verdict(False, CrfCode.Forbidden, RefusalDetail.PRIORITY_RESERVED, text)
+                return Decision(False, CrfCode.Forbidden, RefusalDetail.PRIORITY_RESERVED, text)
         held = self._holder
         if held is None or force or priority < held.priority:
             return None
@@ -241,10 +241,10 @@ class Access:
             if client == held.client:
                 return None
             text = f"{held.client} holds the same priority {priority}"
-            return Verdict(False, CrfCode.Forbidden, RefusalDetail.HELD_BY_EQUAL, text)
-        return Verdict(False, CrfCode.Forbidden, text=f"{held.client} holds priority {held.priority}")
+            return Decision(False, CrfCode.Forbidden, RefusalDetail.HELD_BY_EQUAL, text)
+        return Decision(False, CrfCode.Forbidden, text=f"{held.client} holds priority {held.priority}")
 
-    def _outdated(self, command: Command) -> Verdict | None:
+    def _outdated(self, command: Command) -> Decision | None:
         """A command that carries a token belongs to that grant and to no other."""
         held = self._holder
         if command.lease is None and command.epoch is None:
@@ -255,13 +255,13 @@ class Access:
         code = CrfCode.Forbidden if self.config.strict_crf else CrfCode.PreconditionFailed
         given = f"lease {command.lease} of epoch {command.epoch or 'unnamed'}"
         text = f"{given} is not {command.caller.client}'s; it is {self._lease} of {self.epoch} now"
-        return Verdict(False, code, RefusalDetail.STALE_LEASE, text)
+        return Decision(False, code, RefusalDetail.STALE_LEASE, text)
 
-    def _blocked(self, command: Command, client: str) -> Verdict | None:
+    def _blocked(self, command: Command, client: str) -> Decision | None:
         if not command.moves or self._latched_by in (None, client):
             return None
         text = f"stopped by {self._latched_by or 'several clients'}: send resumeControl first"
-        return Verdict(False, CrfCode.Forbidden, RefusalDetail.STOP_LATCHED, text)
+        return Decision(False, CrfCode.Forbidden, RefusalDetail.STOP_LATCHED, text)
 
     def _entry(self, client: str, priority: int) -> _Entry:
         """The holder refreshed, if it is that; else a newcomer with what the configuration gives it."""
@@ -401,7 +401,7 @@ class Access:
             kind=kind,
         )
 
-    def _deny(self, caller: Caller, action: str, priority: int, refusal: Verdict) -> Verdict:
+    def _deny(self, caller: Caller, action: str, priority: int, refusal: Decision) -> Decision:
         self._note(action, caller, priority, refusal.text, refusal.code)
         return refusal
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rackhand.schemas.motion import FencingToken
 
 
-class LastHop:
+class FencingGuard:
     """Lets only commands of the newest grant pass, each no older than the one before it.
 
     It stands wherever commands enter a process that moves joints: late and replayed samples are real on a network.

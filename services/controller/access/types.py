@@ -154,7 +154,7 @@ Order = StopMotion | ContinueMotion
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Decision:
     """Whether it was granted. ``after_rest``: a stop is under way, the command may begin only when it is done.
 
     ``serial`` numbers orders and admitted commands; ``AtRest`` refers to it.
@@ -200,7 +200,7 @@ class AuditEntry:
 class Outcome:
     """The answer and everything that follows from it, each in order."""
 
-    verdict: Verdict
+    verdict: Decision
     orders: tuple[Order, ...] = ()
     events: tuple[ControlEvent, ...] = ()
     audit: tuple[AuditEntry, ...] = ()

@@ -27,14 +27,16 @@ from rackhand.services.controller.trajectory.continuation import pose_error
 from rackhand.services.controller.trajectory.geometry import TaskPath
 from rackhand.services.controller.trajectory.joint_stop import stop_joints
 from rackhand.services.controller.trajectory.model import Array, Pose
-from rackhand.services.controller.trajectory.queue import Leg, MotionQueue
+from rackhand.services.controller.trajectory.queue import MotionQueue, QueuedMotion
 from rackhand.services.controller.trajectory.stream import Motion, Sample
 
 CommandMode = Literal["position", "velocity", "torque"]
 
 AT_REST = 1e-6  # rad/s commanded
 _TASK_JERK_TIME = 0.05  # seconds in which a task velocity's acceleration may build up
-_LEASH = np.array([2e-4] * 3 + [1e-3] * 3)  # m, rad: how far a tool that cannot follow stays behind its target
+_MAX_TRACKING_LAG = np.array(
+    [2e-4] * 3 + [1e-3] * 3
+)  # m, rad: how far a tool that cannot follow stays behind its target
 _STOP = "stop"
 
 
@@ -50,7 +52,7 @@ class Reference:
         return (self.signal, self.space) == (other.signal, other.space)
 
 
-class Mover:
+class MotionExecutor:
     """One arm's motion. See the module."""
 
     def __init__(self, arm: ik.Arm, period: float, stopwatch: Stopwatch = no_stopwatch) -> None:
@@ -265,8 +267,8 @@ class Mover:
         """What part of ``twist`` the target may make, 0 … 1: less the farther behind the tool is. At limits and
         singularities the target waits, and turning back is followed at once."""
         target = Pose(self._target[:, 3], self._target[:, :3])
-        behind = pose_error(self.kinematics.forward(self.q), target) / _LEASH
-        if behind @ (twist / _LEASH) <= 0:
+        behind = pose_error(self.kinematics.forward(self.q), target) / _MAX_TRACKING_LAG
+        if behind @ (twist / _MAX_TRACKING_LAG) <= 0:
             return 1.0
         return max(0.0, 1.0 - float(np.linalg.norm(behind)))
 
@@ -339,7 +341,7 @@ class Mover:
             stop = stop_joints(
                 self.time, replace(now, ddq=np.zeros_like(self.a)), replace(limits, jerk=limits.jerk * 1e3)
             )
-        legs = (Leg(stop, self.time, _STOP, stopped=True),)
+        legs = (QueuedMotion(stop, self.time, _STOP, stopped=True),)
         self.queue = replace(self.queue, rest=stop.rest, legs=legs, paused=False)
 
 

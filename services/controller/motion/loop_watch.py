@@ -8,22 +8,22 @@ import numpy as np
 
 from rackhand.schemas.motion import ArmState, MotionDiagnostics, MotionPath
 from rackhand.schemas.orientation import quaternion
-from rackhand.services.controller.motion.executor import Mover
+from rackhand.services.controller.motion.executor import MotionExecutor
 from rackhand.services.controller.motion.meter import Meter, Stopwatch
 from rackhand.services.controller.motion.outline import outline
 from rackhand.services.controller.trajectory.continuation import pose_error
 from rackhand.services.controller.trajectory.model import Array
-from rackhand.services.controller.trajectory.queue import Leg
+from rackhand.services.controller.trajectory.queue import QueuedMotion
 
 
 class LoopWatch:
     """Watches one arm's ``mover``. ``meter`` is to be held around each tick."""
 
-    def __init__(self, mover: Mover, stopwatch: Stopwatch) -> None:
+    def __init__(self, mover: MotionExecutor, stopwatch: Stopwatch) -> None:
         self._mover = mover
         self.meter = Meter(stopwatch)
         self.late_ticks = 0
-        self._outlined: tuple[Leg, ...] | None = None  # the motions whose way was told
+        self._outlined: tuple[QueuedMotion, ...] | None = None  # the motions whose way was told
 
     def diagnostics(self, state: ArmState, commanded: Array) -> MotionDiagnostics:
         """Of the tick that answers ``state``, for whose instant the joints ``commanded`` (n,) had been asked."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.trajectory.model import Array
-from rackhand.services.controller.trajectory.queue import Leg, MotionQueue
+from rackhand.services.controller.trajectory.queue import MotionQueue, QueuedMotion
 from rackhand.services.controller.trajectory.stream import Motion
 
 SPACING = 0.02  # seconds between points, unless there would be more than MOST
@@ -27,7 +27,7 @@ def outline(queue: MotionQueue, t: float, kinematics: ArmKinematics) -> tuple[Ar
     return np.array(points).reshape(-1, 3), tuple(ends)
 
 
-def _joints(leg: Leg, begin: float, spacing: float) -> Array:
+def _joints(leg: QueuedMotion, begin: float, spacing: float) -> Array:
     """Joint positions (m, n) of a motion from ``begin`` to its end."""
     motion = leg.motion
     times = np.linspace(begin, motion.end, max(int(np.ceil((motion.end - begin) / spacing)), 1) + 1)

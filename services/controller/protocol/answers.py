@@ -9,7 +9,7 @@ import msgspec
 
 from rackhand.schemas.base import Message
 from rackhand.schemas.motion import Expected
-from rackhand.services.controller.access.types import SECOND, Verdict
+from rackhand.services.controller.access.types import SECOND, Decision
 
 MAX_TEXT = 400
 
@@ -45,12 +45,12 @@ def refused(command: str, code: int, detail: int = 0, text: str = "") -> Answer:
     return reply(command, Expected[bool].failed(code, detail), text)
 
 
-def denied(command: str, verdict: Verdict) -> Answer:
+def denied(command: str, verdict: Decision) -> Answer:
     """What priority access refused."""
     return refused(command, verdict.code, verdict.detail, verdict.text)
 
 
-def lease_extras(verdict: Verdict) -> dict[str, Any]:
+def lease_extras(verdict: Decision) -> dict[str, Any]:
     """What a named client is told of its grant."""
     if verdict.token is None:
         return {}

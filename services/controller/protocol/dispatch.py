@@ -1,7 +1,7 @@
 """The front of the controller: a request's text in, its answer or an admitted command out.
 
 Pure: it holds priority access, the memory of answers and the status streams, and is told the time. What moves the arm
-is done by whoever takes the ``Turn``: first its orders, then the admitted command, whose answer goes through
+is done by whoever takes the ``DispatchResult``: first its orders, then the admitted command, whose answer goes through
 ``finish``. Every request gets exactly one answer.
 """
 
@@ -27,6 +27,7 @@ from rackhand.services.controller.access.types import (
     Caller,
     Command,
     ControlEvent,
+    Decision,
     Disconnected,
     Lock,
     Order,
@@ -36,7 +37,6 @@ from rackhand.services.controller.access.types import (
     StopBeat,
     Tick,
     Unlock,
-    Verdict,
 )
 from rackhand.services.controller.protocol.answers import (
     Answer,
@@ -72,13 +72,13 @@ class Admitted:
 
     request: crf.Request
     client: str
-    verdict: Verdict
+    verdict: Decision
     echo: dict[str, Any]
     key: tuple[str, bytes] | None = None
 
 
 @dataclass(frozen=True)
-class Turn:
+class DispatchResult:
     """What follows from one happening. ``reply`` is the answer's JSON; without one either ``admitted`` brings it, or
     (``shared``, the key of that ``Admitted``) the answer of the same request, still being carried out, serves both."""
 
@@ -129,17 +129,17 @@ class Dispatcher:
         """What a request says. Needs nothing that changes, so it may be done beside."""
         return parse(text, self.arm.joint_space_degree_of_freedom, self._max_points)
 
-    def request(self, session: str, text: bytes | str, now: int, parsed: Parsed | None = None) -> Turn:
+    def request(self, session: str, text: bytes | str, now: int, parsed: Parsed | None = None) -> DispatchResult:
         """``parsed``: the text as it was read, if it was."""
         parsed = parsed or self.read(text)
         if isinstance(parsed.result, Answer):
-            return Turn(encode(parsed.result, parsed.echo))
+            return DispatchResult(encode(parsed.result, parsed.echo))
         request = parsed.result
         client = alias(session) if request.client is None else request.client
         self._remember_session(client, session)
         begun = self._memory.begin(client, parsed.echo, text, isinstance(request, _ONCE))
         if not isinstance(begun, Fresh):
-            return Turn(begun.answer, shared=None if begun.answer else begun.key)
+            return DispatchResult(begun.answer, shared=None if begun.answer else begun.key)
         context = _Context(_caller(client, request, parsed.echo), parsed.echo, session, request.client is not None)
         result = self._answer(request, context, now)
         if isinstance(result, Answer):
@@ -156,13 +156,13 @@ class Dispatcher:
         self._memory.finish(admitted.key, message, _took_effect(answer))
         return message
 
-    def tick(self, now: int) -> Turn:
+    def tick(self, now: int) -> DispatchResult:
         return _turn([self.access.handle(Tick(), now)])
 
-    def at_rest(self, serial: int, now: int) -> Turn:
+    def at_rest(self, serial: int, now: int) -> DispatchResult:
         return _turn([self.access.handle(AtRest(serial), now)])
 
-    def disconnected(self, session: str, now: int) -> Turn:
+    def disconnected(self, session: str, now: int) -> DispatchResult:
         """A connection is gone. A client that has come back through another one is still there."""
         self._streams.pop(session, None)
         gone = [client for client, last in self._sessions.items() if last == session]
@@ -200,16 +200,16 @@ class Dispatcher:
 
     # -- answers ------------------------------------------------------------------------------------------------------
 
-    def _answer(self, request: crf.Request, context: _Context, now: int) -> Answer | Verdict:
+    def _answer(self, request: crf.Request, context: _Context, now: int) -> Answer | Decision:
         """The answer, or the verdict under which the controller is to find it."""
 
-        def handle(happened: AccessInput) -> Verdict:
+        def handle(happened: AccessInput) -> Decision:
             context.outcomes.append(self.access.handle(happened, now))
             return context.outcomes[-1].verdict
 
         match request:
             case crf.GetStatus():
-                return Verdict(True)
+                return Decision(True)
             case crf.GetConfiguration():
                 return reply(request.command, self.arm)
             case crf.StartStreamStatus() | crf.StopStreamStatus():
@@ -229,8 +229,8 @@ class Dispatcher:
         raise AssertionError(f"no answer for {type(request).__name__}")
 
     def _control(
-        self, request: crf.ControlRequest, context: _Context, handle: Callable[[AccessInput], Verdict]
-    ) -> Answer | Verdict:
+        self, request: crf.ControlRequest, context: _Context, handle: Callable[[AccessInput], Decision]
+    ) -> Answer | Decision:
         command = _command(request, context.caller)
         handle(Tick())
         if self.access.refusal(command) is None:
@@ -247,7 +247,7 @@ class Dispatcher:
         return verdict
 
     def _stop(
-        self, request: crf.SoftStop | crf.HardStop, context: _Context, handle: Callable[[AccessInput], Verdict]
+        self, request: crf.SoftStop | crf.HardStop, context: _Context, handle: Callable[[AccessInput], Decision]
     ) -> Answer:
         if request.priority is None and self.access.config.strict_crf:
             return error(CrfCode.BadRequest, "priority is missing")
@@ -284,7 +284,7 @@ def alias(session: str) -> str:
 def _heartbeat(
     request: crf.StartHeartbeat | crf.Heartbeat | crf.StopHeartbeat,
     caller: Caller,
-    handle: Callable[[AccessInput], Verdict],
+    handle: Callable[[AccessInput], Decision],
 ) -> Answer:
     match request:
         case crf.StartHeartbeat():
@@ -323,7 +323,7 @@ def _caller(client: str, request: crf.Request, echo: dict[str, Any]) -> Caller:
     return Caller(client, name, role, encode_id(echo)[:64].decode(errors="replace"))
 
 
-def _extras(context: _Context, verdict: Verdict) -> dict[str, Any]:
+def _extras(context: _Context, verdict: Decision) -> dict[str, Any]:
     """Stock clients get CRF's reply to the letter; who gives its name is told its lease."""
     return lease_extras(verdict) if context.named else {}
 
@@ -333,8 +333,8 @@ def _took_effect(answer: Answer) -> bool:
     return message is True or (isinstance(message, dict) and message.get("value") is True)
 
 
-def _turn(outcomes: list[Outcome], reply_: bytes | None = None, admitted: Admitted | None = None) -> Turn:
-    return Turn(
+def _turn(outcomes: list[Outcome], reply_: bytes | None = None, admitted: Admitted | None = None) -> DispatchResult:
+    return DispatchResult(
         reply=reply_,
         admitted=admitted,
         orders=tuple(order for outcome in outcomes for order in outcome.orders),

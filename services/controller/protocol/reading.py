@@ -28,7 +28,7 @@ class Reading:
         return self.future is None or self.future.done()
 
 
-class ReadingRoom:
+class ParseQueue:
     """Keeps the order of each session's requests: a short one waits behind its session's long ones."""
 
     def __init__(self, executor: Executor, read: Callable[[str], Parsed]) -> None:

@@ -37,7 +37,7 @@ class Smoothing:
 
 
 @dataclass(frozen=True)
-class Phase:
+class TimeLaw:
     """s(t) with constant acceleration ``a`` from every knot on: times ``t``, ``s``, speeds ``v``, all (K,).
 
     Before the first knot it is taken as at constant speed, after the last one it stays where it is.
@@ -60,18 +60,18 @@ class Phase:
         acceleration = self.a[k] if d > 0 else 0.0
         return float(self.s[k] + d * (self.v[k] + d * acceleration / 2)), float(self.v[k] + d * acceleration)
 
-    def cut(self, t: float, keep: float) -> Phase:
+    def cut(self, t: float, keep: float) -> TimeLaw:
         """What happened until ``t``, from ``keep`` seconds before it on."""
         s, v = self.at(t)
         first = max(int(np.searchsorted(self.t, t - keep, side="right")) - 1, 0)
         last = int(np.searchsorted(self.t, t))
         part = [np.append(row[first:last], value) for row, value in zip(self._rows(), (t, s, v, 0.0), strict=True)]
-        return Phase(*part)
+        return TimeLaw(*part)
 
-    def then(self, later: Phase) -> Phase:
+    def then(self, later: TimeLaw) -> TimeLaw:
         """Goes on as ``later``, which begins where and when this one ends."""
         rows = zip(self._rows(), later._rows(), strict=True)
-        return Phase(*(np.concatenate([mine[:-1], theirs]) for mine, theirs in rows))
+        return TimeLaw(*(np.concatenate([mine[:-1], theirs]) for mine, theirs in rows))
 
     def filtered(self, t: Array, smoothing: Smoothing) -> Array:
         """(m, 4): smoothed s, ṡ, s̈, s⃛ at the times ``t`` (m,)."""
@@ -83,11 +83,11 @@ class Phase:
         return self.t, self.s, self.v, self.a
 
 
-def at_rest(t: float, s: float) -> Phase:
-    return Phase(np.array([t]), np.array([s]), np.zeros(1), np.zeros(1))
+def at_rest(t: float, s: float) -> TimeLaw:
+    return TimeLaw(np.array([t]), np.array([s]), np.zeros(1), np.zeros(1))
 
 
-def phase_from(start: float, s: Array, x: Array, u: Array, end: float, pause: float) -> Phase:
+def phase_from(start: float, s: Array, x: Array, u: Array, end: float, pause: float) -> TimeLaw:
     """The phase that begins at time ``start`` and has ṡ² = x (N,), s̈ = u (N-1,) over s (N,), until s = ``end``.
 
     Where the grid has a point twice, a corner, it stands still for ``pause``: as long as the filter remembers.
@@ -105,7 +105,7 @@ def phase_from(start: float, s: Array, x: Array, u: Array, end: float, pause: fl
     u[~moving] = 0.0
     t = start + np.concatenate([[0.0], np.cumsum(duration)])
     distinct = np.append(duration > 0, True)
-    return Phase(t[distinct], s[distinct], v[distinct], np.append(u, 0.0)[distinct])
+    return TimeLaw(t[distinct], s[distinct], v[distinct], np.append(u, 0.0)[distinct])
 
 
 @compiled

@@ -59,7 +59,7 @@ class Arm:
 
 
 @dataclass(frozen=True)
-class Leg:
+class QueuedMotion:
     """A motion in the queue, from ``begin`` on. ``kind`` is what CRF calls its type, "joints" or "task"."""
 
     motion: Motion | JointStop
@@ -78,7 +78,7 @@ class MotionQueue:
 
     arm: Arm
     rest: Array
-    legs: tuple[Leg, ...] = ()
+    legs: tuple[QueuedMotion, ...] = ()
     paused: bool = False
 
     # -- what is driven ---------------------------------------------------------------------------------------------
@@ -140,7 +140,7 @@ class MotionQueue:
         if not legs or isinstance(legs[0].motion, JointStop):
             return self._only(t, legs[0] if legs else None)
         stop = stop_joints(t, self.at(t), self.arm.joints.joints)
-        return self._only(t, Leg(stop, t, legs[0].kind, stopped=True))
+        return self._only(t, QueuedMotion(stop, t, legs[0].kind, stopped=True))
 
     def pause(self, t: float) -> MotionQueue:
         """Stops along the path; ``resume`` goes on with it, and with all that is queued."""
@@ -230,7 +230,7 @@ class MotionQueue:
         if outside is not None:
             raise PathRefused(i, outside)
 
-    def _alive(self, t: float) -> tuple[Leg, ...]:
+    def _alive(self, t: float) -> tuple[QueuedMotion, ...]:
         """The legs that have not ended; the first of them is under way."""
         return self.legs if self.paused else tuple(leg for leg in self.legs if t < leg.motion.end)
 
@@ -256,12 +256,12 @@ class MotionQueue:
         waits = self.paused and len(self.legs) > 1
         return self.legs[-1].begin if waits else max(t, self.legs[-1].begin)
 
-    def _only(self, t: float, leg: Leg | None) -> MotionQueue:
+    def _only(self, t: float, leg: QueuedMotion | None) -> MotionQueue:
         rest = self.at(t).q if leg is None else leg.motion.rest
         return replace(self, legs=() if leg is None else (leg,), rest=rest, paused=False)
 
     def _added(self, t: float, motion: Motion, begin: float, kind: str) -> MotionQueue:
-        return replace(self, legs=(*self._alive(t), Leg(motion, begin, kind)))
+        return replace(self, legs=(*self._alive(t), QueuedMotion(motion, begin, kind)))
 
     def _with_last(self, t: float, motion: Motion) -> MotionQueue:
         last = replace(self.legs[-1], motion=motion)
@@ -270,7 +270,7 @@ class MotionQueue:
         return replace(self, legs=(*self._alive(t)[:-1], last))
 
 
-def _braked(leg: Leg, t: float) -> Leg:
+def _braked(leg: QueuedMotion, t: float) -> QueuedMotion:
     """The leg, stopping along its path unless it is stopping already."""
     return replace(leg, motion=leg.motion.braked(t)) if isinstance(leg.motion, Motion) and not leg.stopped else leg
 

@@ -16,7 +16,7 @@ from rackhand.services.controller.trajectory.curve import JointCurve
 from rackhand.services.controller.trajectory.geometry import JointPath, Legs, TaskPath, Tolerance
 from rackhand.services.controller.trajectory.model import Kinematics
 from rackhand.services.controller.trajectory.stream import Limits, Motion
-from rackhand.services.controller.trajectory.timing import Rows, plan, rows
+from rackhand.services.controller.trajectory.timing import PathConstraints, plan, rows
 
 
 def extend_joints(
@@ -101,7 +101,7 @@ def _corner(new: Legs, old: Legs) -> tuple[float, bool]:
     return float(new.s[corner] - new.radius[corner]), bool(new.stop[corner])
 
 
-def _joined(old: Rows, tail: Rows, stop: bool) -> Rows:
+def _joined(old: PathConstraints, tail: PathConstraints, stop: bool) -> PathConstraints:
     if not stop:
         return old.between(float(old.s[0]), float(tail.s[0]) - 1e-9).joined(tail)
     joined = old.joined(tail)

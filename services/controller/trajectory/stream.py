@@ -15,8 +15,8 @@ from rackhand.services.controller.trajectory.continuation import Continuation, f
 from rackhand.services.controller.trajectory.curve import JointCurve
 from rackhand.services.controller.trajectory.geometry import JointPath, TaskPath, TaskState
 from rackhand.services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
-from rackhand.services.controller.trajectory.phase import Phase, at_rest
-from rackhand.services.controller.trajectory.timing import Planning, Rows, Timed, brake, plan, rows
+from rackhand.services.controller.trajectory.phase import TimeLaw, at_rest
+from rackhand.services.controller.trajectory.timing import PathConstraints, Planning, Timed, brake, plan, rows
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class Motion:
 
     path: JointPath | TaskPath
     curve: JointCurve
-    rows: Rows
-    phase: Phase
+    rows: PathConstraints
+    phase: TimeLaw
     planning: Planning
     rate: float = 1.0
     use: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -98,7 +98,7 @@ class Motion:
         """The same, ``by`` seconds later."""
         return replace(self, phase=replace(self.phase, t=self.phase.t + by))
 
-    def until(self, t: float) -> Phase:
+    def until(self, t: float) -> TimeLaw:
         """What is driven before ``t``, as far back as the filter still sees it."""
         return self.phase.cut(t, self.planning.smoothing.total)
 

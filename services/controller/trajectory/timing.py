@@ -10,7 +10,7 @@ from rackhand.runtime.compiled import compiled
 from rackhand.services.controller.trajectory.curve import JointCurve
 from rackhand.services.controller.trajectory.geometry import TaskPath
 from rackhand.services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
-from rackhand.services.controller.trajectory.phase import Phase, Smoothing, at_rest, phase_from
+from rackhand.services.controller.trajectory.phase import Smoothing, TimeLaw, at_rest, phase_from
 from rackhand.services.controller.trajectory.topp import controllable, drive
 
 _AT_REST = 1e-9
@@ -40,7 +40,7 @@ class Planning:
 
 
 @dataclass(frozen=True)
-class Rows:
+class PathConstraints:
     """Limits along the grid ``s`` (N,), each divided by what is allowed there.
 
     ``rest`` (N,) is 1 at corners, where ṡ = 0. ``speed`` (N,): ṡ·speed ≤ 1. ``A``, ``B`` (N, m): |A s̈ + B ṡ²| ≤ 1, the
@@ -54,23 +54,23 @@ class Rows:
     B: Array
     joints: Array
 
-    def between(self, first: float, last: float = np.inf) -> Rows:
+    def between(self, first: float, last: float = np.inf) -> PathConstraints:
         """From ``first``, where a grid point is put, up to but without ``last``. A corner there is kept whole."""
         parts = (self.s, self.rest, self.speed, self.A, self.B, self.joints)
         end = int(np.searchsorted(self.s, last))
         k = int(np.searchsorted(self.s, first - _SAME))
         if k < self.s.size - 1 and self.s[k] <= first + _SAME:
-            return Rows(*(row[k:end] for row in parts))
+            return PathConstraints(*(row[k:end] for row in parts))
         k = min(max(k, 1), self.s.size - 1)
         first = min(max(first, float(self.s[0])), float(self.s[-1]))
         w = (first - self.s[k - 1]) / (self.s[k] - self.s[k - 1])
-        return Rows(*(np.concatenate([[(1 - w) * row[k - 1] + w * row[k]], row[k:end]]) for row in parts))
+        return PathConstraints(*(np.concatenate([[(1 - w) * row[k - 1] + w * row[k]], row[k:end]]) for row in parts))
 
-    def joined(self, tail: Rows) -> Rows:
+    def joined(self, tail: PathConstraints) -> PathConstraints:
         """These, then ``tail``. Where one of the two has more rows, the other's are empty."""
         width = max(self.A.shape[1], tail.A.shape[1])
         parts = ((p.s, p.rest, p.speed, _widened(p.A, width), _widened(p.B, width), p.joints) for p in (self, tail))
-        return Rows(*(np.concatenate(pair) for pair in zip(*parts, strict=True)))
+        return PathConstraints(*(np.concatenate(pair) for pair in zip(*parts, strict=True)))
 
 
 def rows(
@@ -80,8 +80,8 @@ def rows(
     task: TaskLimits | None = None,
     path: TaskPath | None = None,
     kinematics: Kinematics | None = None,
-) -> Rows:
-    """Rows of ``curve`` under ``joints`` limits and, if given, ``task`` limits.
+) -> PathConstraints:
+    """PathConstraints of ``curve`` under ``joints`` limits and, if given, ``task`` limits.
 
     The TCP's motion is that of ``path`` where the curve follows one; otherwise ``kinematics`` tells it.
     """
@@ -98,7 +98,9 @@ def rows(
     rest = np.append(np.diff(s) == 0, False)
     rest[1:] |= rest[:-1]
     allowed = np.tile(np.stack([joints.velocity, joints.acceleration, joints.jerk]), (s.size, 1, 1))
-    return Rows(s, rest.astype(float), speed, np.ascontiguousarray(a_rows), np.ascontiguousarray(b_rows), allowed)
+    return PathConstraints(
+        s, rest.astype(float), speed, np.ascontiguousarray(a_rows), np.ascontiguousarray(b_rows), allowed
+    )
 
 
 @dataclass(frozen=True)
@@ -108,12 +110,14 @@ class Timed:
     ``feasible`` is False if the state it began with was too fast for the path.
     """
 
-    phase: Phase
+    phase: TimeLaw
     use: tuple[float, float, float]
     feasible: bool = True
 
 
-def plan(curve: JointCurve, all_rows: Rows, planning: Planning, now: Phase | None = None, rate: float = 1.0) -> Timed:
+def plan(
+    curve: JointCurve, all_rows: PathConstraints, planning: Planning, now: TimeLaw | None = None, rate: float = 1.0
+) -> Timed:
     """The fastest phase to the end of the ``curve`` under its rows.
 
     ``now`` is what has been driven so far, up to the moment at which the plan begins; None begins at rest at time 0.
@@ -135,7 +139,7 @@ def plan(curve: JointCurve, all_rows: Rows, planning: Planning, now: Phase | Non
     return best
 
 
-def brake(curve: JointCurve, all_rows: Rows, planning: Planning, now: Phase) -> Timed:
+def brake(curve: JointCurve, all_rows: PathConstraints, planning: Planning, now: TimeLaw) -> Timed:
     """From where ``now`` ends to rest along the ``curve``, as soon as its limits allow."""
     here = all_rows.between(float(now.s[-1]))
     tries = []
@@ -152,7 +156,9 @@ def brake(curve: JointCurve, all_rows: Rows, planning: Planning, now: Phase) -> 
     return min(tries, key=lambda tried: max(tried.use))
 
 
-def _timed(curve: JointCurve, here: Rows, planning: Planning, now: Phase, rate: float, share: Array) -> Timed:
+def _timed(
+    curve: JointCurve, here: PathConstraints, planning: Planning, now: TimeLaw, rate: float, share: Array
+) -> Timed:
     ceiling = (rate * share[0] / np.maximum(here.speed, 1e-9)) ** 2
     ceiling[here.rest == 1] = 0.0
     ceiling[-1] = 0.0
@@ -166,12 +172,16 @@ def _timed(curve: JointCurve, here: Rows, planning: Planning, now: Phase, rate: 
     return Timed(phase, use, x0 <= (1 + 2 * reserve) * beta[0] + 1e-12)
 
 
-def _use(curve: JointCurve, here: Rows, phase: Phase, planning: Planning, start: float) -> tuple[float, float, float]:
+def _use(
+    curve: JointCurve, here: PathConstraints, phase: TimeLaw, planning: Planning, start: float
+) -> tuple[float, float, float]:
     worst = _ratios(curve, here, phase, planning, start)[1].max(axis=0, initial=0.0)
     return float(worst[0]), float(worst[1]), float(worst[2])
 
 
-def _ratios(curve: JointCurve, here: Rows, phase: Phase, planning: Planning, start: float) -> tuple[Array, Array]:
+def _ratios(
+    curve: JointCurve, here: PathConstraints, phase: TimeLaw, planning: Planning, start: float
+) -> tuple[Array, Array]:
     """Times (k,) from ``start`` on, and (k, 3) the largest use of velocity, acceleration and jerk limits at each."""
     end = phase.end + planning.smoothing.total
     # Very long motions are checked more coarsely rather than for minutes.
@@ -188,7 +198,7 @@ def _ratios(curve: JointCurve, here: Rows, phase: Phase, planning: Planning, sta
 
 
 def _lower(
-    share: Array, here: Rows, phase: Phase, planning: Planning, t: Array, ratios: Array, everywhere: bool
+    share: Array, here: PathConstraints, phase: TimeLaw, planning: Planning, t: Array, ratios: Array, everywhere: bool
 ) -> None:
     """Lowers the shares wherever the filter saw what breaks a limit, and as far again before and after."""
     factor = np.ones_like(share)

@@ -13,7 +13,7 @@ from rackhand.schemas import topics
 from rackhand.services.gateway.crf.session import Ask, Session
 from rackhand.services.gateway.crf.text import event_text
 
-HEARD: tuple[topics.Topic[Any], ...] = (topics.MOTION_EVENT, topics.MOTION_STREAM)
+SUBSCRIPTIONS: tuple[topics.Topic[Any], ...] = (topics.MOTION_EVENT, topics.MOTION_STREAM)
 
 
 class MotionHub:
@@ -31,7 +31,7 @@ class MotionHub:
         """The session of a client over HTTP: the same for the same client, and not to be guessed from its name."""
         return hashlib.blake2s(client.encode(), key=self._key, digest_size=24).hexdigest()
 
-    def hear(self, event: Event) -> None:
+    def on_message(self, event: Event) -> None:
         if not isinstance(event, Sample) or event.robot not in self._sessions:
             return
         sessions = self._sessions[event.robot]

@@ -156,15 +156,15 @@ class Hub:
         self.clients[client.number] = client
         everyone = {"connections": [one.identity for one in self.clients.values()]}
         client.outbox.event("/ws_connections", frame("/ws_connections", everyone))
-        self._tell("/ws_connection_established", client.identity)
+        self._publish("/ws_connection_established", client.identity)
         return client
 
     def leave(self, client: Client) -> None:
         if self.clients.pop(client.number, None) is not None:
-            self._tell("/ws_connection_disconnected", client.identity)
+            self._publish("/ws_connection_disconnected", client.identity)
 
-    def hear(self, event: Event) -> None:
-        for change in self.state.hear(event, time.time()):
+    def on_message(self, event: Event) -> None:
+        for change in self.state.on_message(event, time.time()):
             self._changed(change)
             if change.topic == "/planning_state":
                 self._planning_heard.set()
@@ -239,7 +239,7 @@ class Hub:
             log.warning("a topic has no value that can be sent", topic=topic, error=str(error))
             return None
 
-    def _tell(self, topic: str, payload: dict[str, Any]) -> None:
+    def _publish(self, topic: str, payload: dict[str, Any]) -> None:
         text = frame(topic, payload)
         for client in self.clients.values():
             client.outbox.event(topic, text)

@@ -79,7 +79,7 @@ class Navigator(Protocol):
     def set_footprint(self, footprint: NDArray[np.float64]) -> None:
         """The convex body polygon, (n, 2) metres in the chassis frame."""
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Another run of the driver has begun: forget the goal and all that was measured."""
 
     def start(self, goal: Goal, seen: Observation) -> None:

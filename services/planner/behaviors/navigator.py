@@ -41,22 +41,22 @@ from rackhand.schemas.chassis import Costmap
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapData
 from rackhand.services.planner.behaviors.interface import STANDSTILL, Goal, MoveFailed, Observation, Progress
-from rackhand.services.planner.behaviors.run import Pending, Run
+from rackhand.services.planner.behaviors.run import PlanJob, Run
 from rackhand.services.planner.control import braking_guard as safety
 from rackhand.services.planner.control import driving
 from rackhand.services.planner.control import speed_profile as profile
-from rackhand.services.planner.control.dynamic_avoidance import GiveWay
+from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
 from rackhand.services.planner.control.progress_checker import ProgressWatch
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
 from rackhand.services.planner.map.grid import load_map
 from rackhand.services.planner.perception.costmap import cost_bytes
-from rackhand.services.planner.perception.local_costmap import Surroundings
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.perception.pose_filter import PoseFilter
-from rackhand.services.planner.perception.scan_watchdog import Senses
+from rackhand.services.planner.perception.scan_watchdog import ScanWatchdog
 from rackhand.services.planner.planning.goals import check_goal, check_start, is_there
-from rackhand.services.planner.planning.plan import GlobalPlanner, NoWay, Plan, Target
+from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Plan, Target
 from rackhand.services.planner.settings import NavigationSettings
 from rackhand.services.planner.warm_up import warm_up
 
@@ -79,17 +79,17 @@ class ChassisNavigator:
     def __init__(self, settings: NavigationSettings | None = None) -> None:
         self.settings = settings or NavigationSettings()
         self._footprint = Footprint.of(np.array(LONGEJACK_BODY))
-        self._around: Surroundings | None = None
+        self._around: LocalCostmap | None = None
         self._planner: GlobalPlanner | None = None
-        self.begin_anew()
+        self.reset()
 
     # ---- what it is told ------------------------------------------------------------------------------------------
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Another run of the driver has begun: all that was measured is void, whatever its stamps."""
         self._filter = PoseFilter(self.settings.noise)
-        self._senses = Senses(self.settings)
-        self._give_way = GiveWay(self.settings)
+        self._senses = ScanWatchdog(self.settings)
+        self._give_way = DynamicAvoidance(self.settings)
         self._run: Run | None = None
         self._command = STANDSTILL
         self._commanded_at: int | None = None
@@ -98,7 +98,7 @@ class ChassisNavigator:
         """Use this map from now on; raises ``MoveFailed(GET_MAP_FAILED)`` and then has none."""
         self._around = self._planner = self._run = None
         if data is not None:
-            self._around = Surroundings(load_map(data, self.settings.slow_zone_velocity), self.settings)
+            self._around = LocalCostmap(load_map(data, self.settings.slow_zone_velocity), self.settings)
             self._make_planner()
 
     def set_footprint(self, footprint: NDArray[np.float64]) -> None:
@@ -186,7 +186,7 @@ class ChassisNavigator:
         if self._around is None:
             return None
         room = self._around.near
-        cost = cost_bytes(room, self._footprint.inscribed, self.settings.comfort_clearance)
+        cost = cost_bytes(room, self._footprint.inscribed, self.settings.inflation_radius)
         g = room.geometry
         return Costmap(
             stamp=stamp, origin=(g.x, g.y), resolution=g.resolution, columns=g.columns, cost=cost.reshape(-1)
@@ -201,7 +201,7 @@ class ChassisNavigator:
             self._around.look(seen.scan, self._filter.at(seen.scan.stamp), self._footprint)
             self._around.refresh(self._filter.pose)
 
-    def _surroundings(self) -> Surroundings:
+    def _surroundings(self) -> LocalCostmap:
         if self._around is None:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, "no map is in use")
         return self._around
@@ -216,7 +216,7 @@ class ChassisNavigator:
         around = self._surroundings()
         blocked = around.static.blocked if on_map else around.blocked()
         run.planned_at = stamp
-        run.search = Pending(self._planner.search(here, run.target, blocked, tight), here, better_than, on_map)
+        run.search = PlanJob(self._planner.search(here, run.target, blocked, tight), here, better_than, on_map)
         self._search_on(run, here, stamp)
         if run.search is not None and better_than < math.inf:
             run.search = None  # a good way is not left for a long search
@@ -231,19 +231,19 @@ class ChassisNavigator:
         except StopIteration as found:
             run.search = None
             if search.on_map:
-                run.way_on_map = True
+                run.path_on_static_map = True
             elif _away_from(search.start, here) > DRIFT:
                 self._look_for_way(run, here, stamp)
             else:
                 self._take(run, found.value, search.better_than)
-        except NoWay as no_way:
+        except NoPathFound as no_way:
             run.search = None
             if search.on_map:
                 raise MoveFailed(_REASONS[no_way.kind], no_way.text) from None
             run.no_way = no_way
             if run.no_way_since is None:
                 run.no_way_since = stamp
-            if not run.had_plan and not run.way_on_map:  # the map alone tells whether waiting can help
+            if not run.had_plan and not run.path_on_static_map:  # the map alone tells whether waiting can help
                 self._look_for_way(run, here, stamp, on_map=True)
 
     def _take(self, run: Run, plan: Plan, better_than: float) -> None:

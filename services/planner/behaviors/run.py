@@ -9,11 +9,11 @@ from rackhand.services.planner.behaviors.interface import Goal, Phase
 from rackhand.services.planner.control.progress_checker import ProgressWatch
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.geometry.se2 import Pose
-from rackhand.services.planner.planning.plan import NoWay, Search, Target
+from rackhand.services.planner.planning.plan import NoPathFound, Search, Target
 
 
 @dataclass(frozen=True)
-class Pending:
+class PlanJob:
     """A search that goes on: from where, what it must beat, and whether it leaves out what is observed."""
 
     steps: Search
@@ -36,12 +36,12 @@ class Run:
     planned_at: int = 0
     blocked_since: int | None = None
     no_way_since: int | None = None
-    search: Pending | None = None
-    way_on_map: bool = False
+    search: PlanJob | None = None
+    path_on_static_map: bool = False
     free: float = math.inf
     replanned: bool = False
     held: bool = False
-    no_way: NoWay | None = None
+    no_way: NoPathFound | None = None
 
     @property
     def turn_only(self) -> bool:

@@ -9,7 +9,7 @@ from rackhand.services.planner.control.pursuit import approach_speed, curvature,
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
-from rackhand.services.planner.perception.local_costmap import Surroundings
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.settings import NavigationSettings
 
 ALIGNED = 0.04  # rad
@@ -22,7 +22,7 @@ def follow(
     pose: Pose,
     twist: Twist2,
     free: float,
-    around: Surroundings,
+    around: LocalCostmap,
     footprint: Footprint,
     s: NavigationSettings,
     in_place: bool,
@@ -54,7 +54,7 @@ def follow(
     return Twist2(linear=ahead * speed, angular=angular)
 
 
-def turn(pose: Pose, error: float, around: Surroundings, footprint: Footprint, s: NavigationSettings) -> Twist2:
+def turn(pose: Pose, error: float, around: LocalCostmap, footprint: Footprint, s: NavigationSettings) -> Twist2:
     """Turn on the spot by ``error``, the other way round if only that is free."""
     if abs(error) > 0.3 and around.near.turn_clearance(footprint, pose, error) < 0.0:
         other = error - math.copysign(2.0 * math.pi, error)

@@ -12,7 +12,7 @@ from rackhand.schemas.base import NANOSECONDS, Twist2
 from rackhand.services.planner.control.mppi import Mppi
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
-from rackhand.services.planner.perception.local_costmap import Surroundings
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.field import Field
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -22,7 +22,7 @@ HOLD = 0.4  # s that making way goes on after the last reason for it
 LEAST_SPEED = 0.5  # m/s at which a chassis that is about to go is taken to go
 
 
-class GiveWay:
+class DynamicAvoidance:
     """MPPI, while something that moves will come too near."""
 
     def __init__(self, settings: NavigationSettings) -> None:
@@ -49,7 +49,7 @@ class GiveWay:
         return stamp < self._until
 
     def command(
-        self, pose: Pose, measured: Twist2, last: Twist2, around: Surroundings, cost: Field, goal: Pose, body: Footprint
+        self, pose: Pose, measured: Twist2, last: Twist2, around: LocalCostmap, cost: Field, goal: Pose, body: Footprint
     ) -> Twist2:
         """The twist wanted now; arguments as of ``Mppi.command``."""
         return self._mppi.command(

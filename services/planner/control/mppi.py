@@ -16,7 +16,7 @@ from rackhand.schemas.base import Twist2
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.map.grid import Geometry
-from rackhand.services.planner.planning.distance_grid import Room
+from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.planning.field import Field
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -60,7 +60,7 @@ class Mppi:
         pose: Pose,
         measured: Twist2,
         last: Twist2,
-        near: Room,
+        near: DistanceGrid,
         cost: Field,
         geometry: Geometry,
         goal: Pose,

@@ -9,7 +9,7 @@ from rackhand.runtime.compiled import compiled
 from rackhand.services.planner.control.pursuit import Tracker
 from rackhand.services.planner.geometry.footprint import Footprint, clearance
 from rackhand.services.planner.geometry.se2 import Pose
-from rackhand.services.planner.perception.local_costmap import Surroundings
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.field import Field
 from rackhand.services.planner.planning.plan import Plan
 
@@ -44,7 +44,7 @@ class Route:
         first = self.current.segment.points[self.current.index :]
         return np.vstack([first, *(t.segment.points for t in self.trackers[self._at + 1 :])])
 
-    def free_distance(self, around: Surroundings, footprint: Footprint, reach: float) -> tuple[float, Array]:
+    def free_distance(self, around: LocalCostmap, footprint: Footprint, reach: float) -> tuple[float, Array]:
         """Metres of path ahead along which the body is free (infinite if all of ``reach`` is), and where it is not."""
         near, g = around.near.distance, around.near.geometry
         points = self.ahead()

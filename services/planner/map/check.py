@@ -10,7 +10,7 @@ from PIL import Image, UnidentifiedImageError
 
 from rackhand.schemas.maps import CreateMap, Overlays
 from rackhand.services.planner.errors import RequestRefused
-from rackhand.services.planner.plain_json import json_trouble
+from rackhand.services.planner.plain_json import json_error
 
 MAX_PIXELS = 50_000_000
 RESOLUTION_RANGE = (0.001, 1.0)  # metres a cell
@@ -45,7 +45,7 @@ def check_png(png: bytes) -> tuple[int, int]:
 
 def check_overlays(overlays: Overlays) -> None:
     """A FeatureCollection of points, lines and polygons in finite map coordinates. Rings may be open."""
-    if (trouble := json_trouble(overlays)) is not None:
+    if (trouble := json_error(overlays)) is not None:
         raise _invalid("overlays", trouble)
     if overlays.get("type") != "FeatureCollection":
         raise _invalid("overlays.type", f"{overlays.get('type')!r}, want 'FeatureCollection'")

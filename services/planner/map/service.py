@@ -20,7 +20,7 @@ from rackhand.services.planner.map.check import check_map, check_overlays
 from rackhand.services.planner.map.store import MapStore, unstored
 
 
-class MapDesk:
+class MapService:
     """The map store and the navigator kept in step. ``changes`` counts how often the map in use was set anew."""
 
     def __init__(self, store: MapStore, navigator: Navigator) -> None:

@@ -7,7 +7,7 @@ from typing import Literal, Protocol
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import DEPRECATED_MOVE_TYPES, Move, MoveCreate
 from rackhand.services.planner.errors import RequestRefused
-from rackhand.services.planner.plain_json import json_trouble
+from rackhand.services.planner.plain_json import json_error
 
 TARGET_MISSING = "(target_x target_y) or target_ori must be provided"  # the real robot's words, clients compare them
 WITHOUT_TARGET = DEPRECATED_MOVE_TYPES | {"follow_target", "along_given_route"}
@@ -37,7 +37,7 @@ def check(request: MoveCreate) -> None:
     A well-formed but impossible target is none of this function's business: such a move is accepted, and fails.
     """
     _check_target(request)
-    if (trouble := json_trouble(request.properties)) is not None:
+    if (trouble := json_error(request.properties)) is not None:
         raise RequestRefused("invalid", f"properties: {trouble}")
     rotate = request.properties.get("inplace_rotate")
     if rotate is not None and not isinstance(rotate, bool):

@@ -10,7 +10,7 @@ POSE_TIMEOUT_NS = NANOSECONDS // 2
 QUALITY_LOST = 1
 
 
-class Sensed:
+class ChassisState:
     """The newest message of each kind."""
 
     def __init__(self) -> None:

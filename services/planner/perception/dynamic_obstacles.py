@@ -52,7 +52,7 @@ class Track:
         return math.hypot(*(self.trail[-1] - self.trail[0])) > MOVING_DISTANCE
 
 
-class Movers:
+class DynamicObstacleTracker:
     """Tracks of everything unmapped and small; ``moving`` are those that move."""
 
     def __init__(self) -> None:

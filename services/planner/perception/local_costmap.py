@@ -13,26 +13,26 @@ from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, compose
 from rackhand.services.planner.geometry.se2 import pose as as_pose
 from rackhand.services.planner.map.grid import Geometry, Mask, StaticMap
-from rackhand.services.planner.perception.dynamic_obstacles import Movers
+from rackhand.services.planner.perception.dynamic_obstacles import DynamicObstacleTracker
 from rackhand.services.planner.perception.observed import ObservedObstacles
-from rackhand.services.planner.planning.distance_grid import Room
+from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
 WINDOW = 5.5  # m to each side
 
 
-class Surroundings:
+class LocalCostmap:
     """Keeps map and observation together; ``look`` at each new scan, ``refresh`` before asking about clearances."""
 
     def __init__(self, static: StaticMap, settings: NavigationSettings) -> None:
         self.static = static
         self.observed = ObservedObstacles(static, settings)
-        self.movers = Movers()
+        self.movers = DynamicObstacleTracker()
         self._velocities: Array = np.empty((0, 2))
         self._settings = settings
         self._cells: Array = np.empty((0, 2))
-        self.mapped = Room.of(static.blocked, static.geometry)
+        self.mapped = DistanceGrid.of(static.blocked, static.geometry)
         self.near = self.mapped
 
     def look(self, scan: Scan, chassis: Pose, footprint: Footprint) -> None:
@@ -53,7 +53,7 @@ class Surroundings:
         window = (slice(r0, r1), slice(c0, c1))
         blocked = self._standing(window)
         x, y = g.x + c0 * g.resolution, g.y + r0 * g.resolution
-        self.near = Room.of(blocked, Geometry(x, y, g.resolution, *blocked.shape))
+        self.near = DistanceGrid.of(blocked, Geometry(x, y, g.resolution, *blocked.shape))
         self._cells = nearby_cells(blocked, g, window)
 
     def blocked(self) -> Mask:

@@ -9,7 +9,7 @@ from rackhand.services.planner.perception.local_costmap import is_usable
 from rackhand.services.planner.settings import NavigationSettings
 
 
-class Senses:
+class ScanWatchdog:
     """Remembers the last usable scan."""
 
     def __init__(self, settings: NavigationSettings) -> None:

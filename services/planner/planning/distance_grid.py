@@ -12,15 +12,15 @@ from rackhand.services.planner.planning.field import Field, distance_field, samp
 
 
 @dataclass(frozen=True)
-class Room:
+class DistanceGrid:
     """Distances in metres from cell centre to the nearest blocked cell centre, and where the cells lie."""
 
     distance: Field
     geometry: Geometry
 
     @staticmethod
-    def of(blocked: Mask, geometry: Geometry) -> Room:
-        return Room(distance_field(blocked, geometry.resolution), geometry)
+    def of(blocked: Mask, geometry: Geometry) -> DistanceGrid:
+        return DistanceGrid(distance_field(blocked, geometry.resolution), geometry)
 
     def at(self, x: float, y: float) -> float:
         """Metres from a point to the edge of the nearest blocked cell."""

@@ -10,14 +10,14 @@ from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.behaviors.interface import Goal, MoveFailed
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
-from rackhand.services.planner.perception.local_costmap import Surroundings
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
 
 START_OVERLAP = 0.05  # m of the body in mapped things that noise of pose and map may explain
 
 
-def check_start(around: Surroundings, footprint: Footprint, start: Pose) -> None:
+def check_start(around: LocalCostmap, footprint: Footprint, start: Pose) -> None:
     """Raises 3 outside the grid, 5 where the body stands in what is no ground."""
     where = f"the chassis is at ({start[0]:.2f}, {start[1]:.2f})"
     g = around.static.geometry
@@ -30,7 +30,7 @@ def check_start(around: Surroundings, footprint: Footprint, start: Pose) -> None
         )
 
 
-def check_goal(around: Surroundings, footprint: Footprint, target: Target, s: NavigationSettings) -> None:
+def check_goal(around: LocalCostmap, footprint: Footprint, target: Target, s: NavigationSettings) -> None:
     """Raises 4 outside the grid, 6 where the body would stand in what is no ground."""
     where = f"the goal is at ({target.x:.2f}, {target.y:.2f})"
     g = around.static.geometry
@@ -52,6 +52,6 @@ def is_there(start: Pose, goal: Goal, target: Target, s: NavigationSettings) -> 
     return away <= goal.accuracy and turned
 
 
-def _extent(around: Surroundings) -> str:
+def _extent(around: LocalCostmap) -> str:
     g = around.static.geometry
     return f"({g.x:.2f}, {g.y:.2f}) to ({g.x + g.columns * g.resolution:.2f}, {g.y + g.rows * g.resolution:.2f})"

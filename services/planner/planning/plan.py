@@ -14,7 +14,7 @@ from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
 from rackhand.services.planner.map.grid import Geometry, Mask
 from rackhand.services.planner.planning import lattice, shaping
-from rackhand.services.planner.planning.distance_grid import Room
+from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.planning.field import Field, cost_to_go
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -26,7 +26,7 @@ SMOOTHING_ROUNDS = 60
 NEAREST_START = 0.3  # m from the start to look for a cell that has a way
 
 
-class NoWay(Exception):
+class NoPathFound(Exception):
     """There is no way: the circle that fits into the body has none, the body itself has none, or none was found within
     the budget of the search."""
 
@@ -83,7 +83,7 @@ class GlobalPlanner:
         self._settings = settings
 
     def plan(self, start: Pose, target: Target, blocked: Mask, tight: bool = False) -> Plan:
-        """A whole search at once; raises ``NoWay``."""
+        """A whole search at once; raises ``NoPathFound``."""
         steps = self.search(start, target, blocked, tight)
         while True:
             try:
@@ -92,32 +92,32 @@ class GlobalPlanner:
                 return cast(Plan, found.value)
 
     def search(self, start: Pose, target: Target, blocked: Mask, tight: bool = False) -> Search:
-        """Look for a way in slices: yields while it is not done, returns the plan, raises ``NoWay``.
+        """Look for a way in slices: yields while it is not done, returns the plan, raises ``NoPathFound``.
 
         ``tight``: do not trust the point-like plan, search with the footprint at once.
         """
-        room = Room.of(blocked, self._g)
+        room = DistanceGrid.of(blocked, self._g)
         row, column = self._g.cell(target.x, target.y)
         s = self._settings
         cost, toward, expanded = cost_to_go(
-            room.distance, self._g.resolution, row, column, self._footprint.inscribed, s.comfort_clearance,
+            room.distance, self._g.resolution, row, column, self._footprint.inscribed, s.inflation_radius,
             s.clearance_weight, s.max_expansions,
         )  # fmt: skip
         if expanded >= s.max_expansions:
-            raise NoWay("budget", f"{expanded} cells expanded without reaching all")
+            raise NoPathFound("budget", f"{expanded} cells expanded without reaching all")
         direct = self._direct(room, cost, start, target)
         if direct is not None:
             return direct
         first = self._start_cell(cost, start)
         if first < 0:
-            raise NoWay("disconnected", f"no way for a circle of {self._footprint.inscribed:.2f} m radius")
+            raise NoPathFound("disconnected", f"no way for a circle of {self._footprint.inscribed:.2f} m radius")
         if not tight:
             plan = self._point_like(room, cost, toward, first, start, target)
             if plan is not None:
                 return plan
         return (yield from self._with_footprint(room, cost, start, target))
 
-    def _margins(self, room: Room, start: Pose, target: Target) -> Array:
+    def _margins(self, room: DistanceGrid, start: Pose, target: Target) -> Array:
         """Clearance asked for in general, at the start, at the goal: less at the ends if they have less."""
         general = self._settings.plan_margin
         at_start = room.clearance(self._footprint, start) - 0.005
@@ -139,7 +139,7 @@ class GlobalPlanner:
                     best, best_distance = i * self._g.columns + j, away
         return best
 
-    def _direct(self, room: Room, cost: Field, start: Pose, target: Target) -> Plan | None:
+    def _direct(self, room: DistanceGrid, cost: Field, start: Pose, target: Target) -> Plan | None:
         away = math.hypot(target.x - start[0], target.y - start[1])
         if away > DIRECT:
             return None
@@ -153,7 +153,7 @@ class GlobalPlanner:
         return None
 
     def _rest_is_free(
-        self, room: Room, state: Pose, start: Pose, target: Target, margins: Array, backward: bool
+        self, room: DistanceGrid, state: Pose, start: Pose, target: Target, margins: Array, backward: bool
     ) -> bool:
         g, f = self._g, self._footprint
         goal = np.array([target.x, target.y, target.yaw or 0.0])
@@ -165,14 +165,14 @@ class GlobalPlanner:
         )  # fmt: skip
 
     def _point_like(
-        self, room: Room, cost: Field, toward: NDArray[np.int32], first: int, start: Pose, target: Target
+        self, room: DistanceGrid, cost: Field, toward: NDArray[np.int32], first: int, start: Pose, target: Target
     ) -> Plan | None:
         """Steepest descent of the cost to go, pulled tight and smoothed; None where the body does not fit along it."""
         g, s, radius = self._g, self._settings, self._footprint.inscribed
         points = shaping.chain(toward, g.columns, first, g.x, g.y, g.resolution)
         points = np.vstack([start[None, :2], points[1:-1], [(target.x, target.y)]])
         corners = shaping.pull_tight(
-            room.distance, g.x, g.y, g.resolution, points, radius, s.comfort_clearance, s.clearance_weight
+            room.distance, g.x, g.y, g.resolution, points, radius, s.inflation_radius, s.clearance_weight
         )
         if target.rotate_in_place:
             legs = [shaping.resample(corners[k : k + 2], SPACING) for k in range(len(corners) - 1)]
@@ -185,7 +185,7 @@ class GlobalPlanner:
         fits = self._fits(room, segments, start, target)
         return Plan(segments, cost) if fits else None
 
-    def _fits(self, room: Room, segments: tuple[Segment, ...], start: Pose, target: Target) -> bool:
+    def _fits(self, room: DistanceGrid, segments: tuple[Segment, ...], start: Pose, target: Target) -> bool:
         """Whether the body is free along the segments, the turns between them, and the last turn."""
         margins = self._margins(room, start, target)
         goal = np.array([target.x, target.y, target.yaw or 0.0])
@@ -200,7 +200,7 @@ class GlobalPlanner:
             return True
         return self._turns_freely(room, target.x, target.y, yaw, target.yaw, min(margins[0], margins[2]))
 
-    def _turns_freely(self, room: Room, x: float, y: float, start: float, end: float, need: float) -> bool:
+    def _turns_freely(self, room: DistanceGrid, x: float, y: float, start: float, end: float, need: float) -> bool:
         turn = wrap(end - start)
         if abs(turn) < 0.1:
             return room.clearance(self._footprint, np.array([x, y, end]), need) >= need
@@ -208,20 +208,20 @@ class GlobalPlanner:
         here = np.array([x, y, start])
         return any(room.turn_clearance(self._footprint, here, t, need) >= need for t in turns)
 
-    def _with_footprint(self, room: Room, cost: Field, start: Pose, target: Target) -> Search:
+    def _with_footprint(self, room: DistanceGrid, cost: Field, start: Pose, target: Target) -> Search:
         g, f, s = self._g, self._footprint, self._settings
         goal = np.array([target.x, target.y, target.yaw or 0.0])
         search = lattice.Search(
             room.distance, cost, (g.x, g.y), g.resolution, f.samples, (f.inscribed, f.circumscribed), start, goal,
-            target.yaw is None, self._margins(room, start, target), s.comfort_clearance, s.clearance_weight,
+            target.yaw is None, self._margins(room, start, target), s.inflation_radius, s.clearance_weight,
             s.heuristic_weight, s.max_expansions,
         )  # fmt: skip
         while (outcome := search.run(s.expansions_per_tick)) == lattice.RUNNING:
             yield
         if outcome == lattice.CUT_SHORT:
-            raise NoWay("budget", f"{search.expanded} states expanded without a way")
+            raise NoPathFound("budget", f"{search.expanded} states expanded without a way")
         if outcome == lattice.EXHAUSTED:
-            raise NoWay("footprint", f"a circle of {f.inscribed:.2f} m radius has a way, the body has none")
+            raise NoPathFound("footprint", f"a circle of {f.inscribed:.2f} m radius has a way, the body has none")
         rows, direction = search.way()
         last = rows[-1]
         first = Segment(_line(start[:2], rows[0, :2], start[2]), bool(rows[0, 3] < 0))

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from rackhand.schemas.motion import ArmCommand, ArmState, Gripper
-from rackhand.services.sim.arm.fence import Fence
+from rackhand.services.sim.arm.fence import FencingGuard
 from rackhand.services.sim.arm.kinds import ArmKind
 from rackhand.services.sim.arm.servo import (
     HOLD,
@@ -67,7 +67,7 @@ class Arm:
         self._check_home(home)
         # Whether the gripper's pump is on, and whether something seals its cup so that it pulls.
         self._suction = self._holding = False
-        self._fence = Fence()
+        self._fence = FencingGuard()
         self._order: Order | None = None
         self._taken: Order | None = None  # the order that the present segment follows
         self._mode: Mode = "hold"

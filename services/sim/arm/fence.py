@@ -9,7 +9,7 @@ from __future__ import annotations
 from rackhand.schemas.motion import FencingToken
 
 
-class Fence:
+class FencingGuard:
     """Within an epoch a larger lease replaces a smaller one for good. An epoch heard for the first time replaces the
     one before it, which never comes back. Under one token no command may answer an older instant than the last did.
     """

@@ -1,4 +1,4 @@
-"""The ledger of contacts: each time a robot's body begins to touch something not its own, asked of the physics."""
+"""The contact_log of contacts: each time a robot's body begins to touch something not its own, asked of the physics."""
 
 from __future__ import annotations
 

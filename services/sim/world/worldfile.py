@@ -22,7 +22,7 @@ Point = tuple[float, float]
 PoseTuple = tuple[float, float, float]
 Size3 = tuple[Positive, Positive, Positive]
 # The chassis' drivers work at instants of 20 ms, those of arms at instants of 2 ms and their servos at 1 kHz.
-INSTANT_NS = 20_000_000
+CONTROL_STEP_NS = 20_000_000
 ARM_INSTANT_NS = 2_000_000
 ARM_TIMESTEP = 0.001
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
@@ -245,7 +245,7 @@ class World(Data):
             raise ValueError("robots: a world needs one robot or arm at least")
         self._check_names()
         self._check_items()
-        instant = self.instant_ns * 1e-9
+        instant = self.control_step_ns * 1e-9
         if not math.isclose(steps := instant / self.timestep, round(steps), rel_tol=1e-9):
             raise ValueError(
                 f"timestep {self.timestep}: a control instant of {instant:g} s must be a whole number of steps"
@@ -255,9 +255,9 @@ class World(Data):
         return self
 
     @property
-    def instant_ns(self) -> int:
+    def control_step_ns(self) -> int:
         """How long a control instant is: time stands between two of them, and all commands are taken there."""
-        return ARM_INSTANT_NS if self.arms else INSTANT_NS
+        return ARM_INSTANT_NS if self.arms else CONTROL_STEP_NS
 
     def underside(self, item: Item) -> float:
         """How high above the floor an item lies."""

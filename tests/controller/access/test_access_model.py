@@ -16,7 +16,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from rackhand.schemas.motion import FencingToken
 from rackhand.services.controller.access.access import Access
-from rackhand.services.controller.access.hop import LastHop
+from rackhand.services.controller.access.hop import FencingGuard
 from rackhand.services.controller.access.streams import StreamGuard, StreamSample
 from rackhand.services.controller.access.types import (
     SECOND,
@@ -74,7 +74,7 @@ class PriorityAccess(RuleBasedStateMachine):
         self.sent: list[ArmSample] = []
         self.commands: list[Command] = []
         self.tokens: list[tuple[str, FencingToken]] = []
-        self.hop = LastHop()
+        self.hop = FencingGuard()
         self.start()
 
     def start(self) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.motion import FencingToken, RefusalDetail
 from rackhand.services.controller.access.audit import AuditLog, DenialLimiter
-from rackhand.services.controller.access.hop import LastHop
+from rackhand.services.controller.access.hop import FencingGuard
 from rackhand.services.controller.access.streams import StreamGuard, StreamSample
 from rackhand.services.controller.access.types import AuditEntry
 
@@ -21,7 +21,7 @@ def token(lease: int, epoch: str = "e1") -> FencingToken:
 
 
 def test_older_leases_and_older_stamps_do_not_pass() -> None:
-    hop = LastHop()
+    hop = FencingGuard()
     assert hop.admit(token(3), 100)
     assert hop.admit(token(3), 100), "the same instant may be answered again"
     assert not hop.admit(token(3), 99)
@@ -31,14 +31,14 @@ def test_older_leases_and_older_stamps_do_not_pass() -> None:
 
 
 def test_a_grant_shuts_out_the_old_lease_before_its_first_command() -> None:
-    hop = LastHop()
+    hop = FencingGuard()
     hop.admit(token(3), 100)
     assert hop.raise_to(token(4))
     assert not hop.admit(token(3), 101)
 
 
 def test_an_epoch_does_not_come_back() -> None:
-    hop = LastHop()
+    hop = FencingGuard()
     hop.admit(token(9, "e1"), 100)
     assert hop.admit(token(0, "e2"), 0)
     assert not hop.admit(token(99, "e1"), 200)

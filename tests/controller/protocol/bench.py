@@ -9,7 +9,7 @@ from rackhand.schemas import crf_requests as crf
 from rackhand.schemas.motion import Expected, MotionStatus, RobotConfiguration
 from rackhand.services.controller.access.access import Access
 from rackhand.services.controller.access.types import SECOND, AccessConfig, StopMotion
-from rackhand.services.controller.protocol.dispatch import Admitted, Dispatcher, Turn
+from rackhand.services.controller.protocol.dispatch import Admitted, Dispatcher, DispatchResult
 from tests.schemas.test_motion import configuration, status
 
 ARM = RobotConfiguration.model_validate(configuration())
@@ -23,7 +23,7 @@ class Bench:
         self.dispatcher = Dispatcher(Access("e1", AccessConfig(**config)), ARM, not_offered)
         self.now = 0
         self.queue: list[Any] = []
-        self.turn = Turn()
+        self.turn = DispatchResult()
 
     def ask(self, client: str, /, **request: Any) -> dict[str, Any]:
         return self.send(client, json.dumps(request))
@@ -40,7 +40,7 @@ class Bench:
         self.now += int(seconds * SECOND)
         self.take(self.dispatcher.tick(self.now))
 
-    def take(self, turn: Turn) -> None:
+    def take(self, turn: DispatchResult) -> None:
         self.turn = turn
         if any(isinstance(order, StopMotion) for order in turn.orders):
             self.queue.clear()

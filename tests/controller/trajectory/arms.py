@@ -12,7 +12,7 @@ from rackhand.services.controller.trajectory.model import Array, JointLimits, Po
 
 @dataclass(frozen=True)
 class Chain:
-    """Rows of ``table`` (n, 3) are a, alpha, d. ``modified``: Craig's convention, else the classic one."""
+    """PathConstraints of ``table`` (n, 3) are a, alpha, d. ``modified``: Craig's convention, else the classic one."""
 
     table: Array
     modified: bool = False

@@ -8,7 +8,7 @@ from scipy.optimize import linprog
 
 from rackhand.services.controller.trajectory.geometry import Tolerance, joint_path
 from rackhand.services.controller.trajectory.model import Array
-from rackhand.services.controller.trajectory.phase import Phase, Smoothing, at_rest, phase_from
+from rackhand.services.controller.trajectory.phase import Smoothing, TimeLaw, at_rest, phase_from
 from rackhand.services.controller.trajectory.timing import Planning, plan, rows
 from rackhand.services.controller.trajectory.topp import controllable, drive
 from tests.controller.trajectory.arms import FR3_LIMITS, UR5E_LIMITS
@@ -79,7 +79,7 @@ def test_braking_is_the_shortest_stop() -> None:
 
 def test_the_filter_is_the_exact_average_of_the_phase() -> None:
     times, places = [1.0, 1.5, 2.5, 3.0], [0.0, 0.25, 1.25, 1.5]
-    phase = Phase(np.array(times), np.array(places), np.array([0.0, 1, 1, 0]), np.array([2.0, 0, -2, 0]))
+    phase = TimeLaw(np.array(times), np.array(places), np.array([0.0, 1, 1, 0]), np.array([2.0, 0, -2, 0]))
     smoothing = Smoothing(0.2, 0.05)
     t = np.linspace(0.9, 3.4, 251)
     fine = np.arange(0.0, 4.0, 1e-4)
@@ -110,7 +110,7 @@ def test_what_is_cut_and_joined_is_the_same_phase() -> None:
     head = phase.cut(0.7, planning.smoothing.total)
     k = int(np.searchsorted(phase.t, 0.7))
     here = zip((0.7, *phase.at(0.7), phase.a[k - 1]), (phase.t, phase.s, phase.v, phase.a), strict=True)
-    tail = Phase(*(np.concatenate([[now], row[k:]]) for now, row in here))
+    tail = TimeLaw(*(np.concatenate([[now], row[k:]]) for now, row in here))
     t = np.arange(0.7, phase.end, 0.01)
     smoothing = planning.smoothing
     assert np.abs(head.then(tail).filtered(t, smoothing) - phase.filtered(t, smoothing)).max() < 1e-7

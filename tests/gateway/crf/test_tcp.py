@@ -164,9 +164,9 @@ def test_two_connections_are_two_clients_with_streams_and_events_of_their_own(
         other.ask({"command": "getStatus"})
         for to in ("pendant", ""):
             event = MotionEvent(stamp=0, name="controlLost", to=to, info=info)
-            gateway.call(lambda event=event: context.motion.hear(Sample(topics.MOTION_EVENT, "arm1", event)))
+            gateway.call(lambda event=event: context.motion.on_message(Sample(topics.MOTION_EVENT, "arm1", event)))
         stream = MotionStream(session=name, text='{"replyCommand":"streamStatus"}')
-        gateway.call(lambda: context.motion.hear(Sample(topics.MOTION_STREAM, "arm1", stream)))
+        gateway.call(lambda: context.motion.on_message(Sample(topics.MOTION_STREAM, "arm1", stream)))
         assert [client.receive()["replyCommand"] for _ in range(3)] == ["controlLost", "controlLost", "streamStatus"]
         assert client.packet.type == 801
         assert other.receive()["replyCommand"] == "controlLost"

@@ -29,7 +29,7 @@ schema = schemathesis.openapi.from_dict(DOCUMENT)
 @pytest.fixture(scope="module")
 def started(server: Gateway) -> Gateway:
     """One that has heard from its robot: before, it may answer 503."""
-    server.begin_anew()
+    server.reset()
     server.publish(topics.CHASSIS_MODEL, messages.model())
     server.publish(topics.CHASSIS_STATUS, messages.status())
     return server

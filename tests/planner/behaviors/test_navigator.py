@@ -47,9 +47,9 @@ def test_another_run_of_the_driver_is_driven_as_if_it_were_the_first(begin, stal
     """Also where its first stamps are those of the former run: what was measured then must not weigh in."""
     navigator, plant = begin()
     first = run(navigator, plant, Goal(3.0, 4.0), 30)
-    navigator.begin_anew()
+    navigator.reset()
     idle(navigator, Plant(plant.hall, (1.6, 4.1, 0.1), seed=2), stale)
-    navigator.begin_anew()
+    navigator.reset()
     plant = Plant(plant.hall, (1.5, 4.0, 0.0), seed=1)
     navigator.set_map(plant.hall.map())
     idle(navigator, plant, 0.4)

@@ -209,7 +209,7 @@ def test_a_map_that_navigation_cannot_read_is_refused_and_the_old_one_stays(cell
 
 def test_a_stored_map_that_cannot_be_read_at_the_start_fails_moves_with_2(cell: Cell) -> None:
     cell.navigator.maps = [MoveFailed(MoveFailReason.GET_MAP_FAILED, "all of it is wall")]
-    cell.chassis.begin_anew("reset")
+    cell.chassis.reset("reset")
     move = cell.create()
     cell.tick()
     assert (cell.get(move.id).fail_reason, cell.get(move.id).fail_message) == (2, "all of it is wall")

@@ -208,7 +208,7 @@ def test_a_power_cable_fails_it_with_17(cell: Cell) -> None:
 def test_a_lost_driver_fails_it_with_1000_and_the_next_one_works(cell: Cell) -> None:
     move = cell.create()
     cell.tick()
-    cell.chassis.begin_anew("the chassis' driver has gone")
+    cell.chassis.reset("the chassis' driver has gone")
     cell.chassis.set_driver_alive(False)
     ended = cell.get(move.id)
     assert (ended.state, ended.fail_reason) == ("failed", 1000)
@@ -255,7 +255,7 @@ def test_short_losses_of_the_position_do_not_add_up(cell: Cell) -> None:
 
 def test_a_pose_of_the_former_run_is_not_driven_by(cell: Cell) -> None:
     cell.tick(100)
-    cell.chassis.begin_anew("reset")
+    cell.chassis.reset("reset")
     cell.stamp, cell.pose_alive = -40_000_000, False
     cell.create()
     cell.tick(5)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rackhand.services.planner.map.grid import Geometry
-from rackhand.services.planner.perception.costmap import BLOCKED, DEAREST, TOO_CLOSE, cost_bytes
-from rackhand.services.planner.planning.distance_grid import Room
+from rackhand.services.planner.perception.costmap import BLOCKED, MAX_NON_LETHAL, TOO_CLOSE, cost_bytes
+from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.planning.field import crowding
 
 RESOLUTION, INSCRIBED, COMFORT = 0.05, 0.23, 0.5
@@ -15,7 +15,7 @@ RESOLUTION, INSCRIBED, COMFORT = 0.05, 0.23, 0.5
 def test_a_cell_costs_what_the_plan_pays_for_it() -> None:
     blocked = np.zeros((3, 60), dtype=np.bool_)
     blocked[:, 0] = True
-    room = Room.of(blocked, Geometry(0.0, 0.0, RESOLUTION, *blocked.shape))
+    room = DistanceGrid.of(blocked, Geometry(0.0, 0.0, RESOLUTION, *blocked.shape))
     cost = cost_bytes(room, INSCRIBED, COMFORT)
     assert cost.shape == blocked.shape
     assert (cost[:, 0] == BLOCKED).all()
@@ -25,5 +25,5 @@ def test_a_cell_costs_what_the_plan_pays_for_it() -> None:
             assert cost[1, column] == TOO_CLOSE
         else:
             paid = crowding(clearance, COMFORT, 1.0) - 1.0
-            assert abs(cost[1, column] - DEAREST * paid) <= 1
+            assert abs(cost[1, column] - MAX_NON_LETHAL * paid) <= 1
     assert cost[1, -1] == 0

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from rackhand.services.planner.perception.local_costmap import Surroundings
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from tests.planner.plant import Walker, box, idle
 
 
-def occupied_near(around: Surroundings, x: float, y: float, reach: float = 0.4) -> bool:
+def occupied_near(around: LocalCostmap, x: float, y: float, reach: float = 0.4) -> bool:
     row, column = around.static.geometry.cell(x, y)
     n = int(reach / 0.05)
     return bool(around.observed.occupied((slice(row - n, row + n), slice(column - n, column + n))).any())

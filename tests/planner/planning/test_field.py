@@ -8,7 +8,7 @@ from scipy.ndimage import distance_transform_edt
 
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.map.grid import Geometry
-from rackhand.services.planner.planning.distance_grid import Room
+from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.planning.field import cost_to_go, distance_field, sample
 from tests.planner.plant import BODY
 
@@ -58,7 +58,7 @@ def brute_clearance(blocked: np.ndarray, resolution: float, pose: np.ndarray) ->
 def test_body_clearance_agrees_with_brute_force(seed: int) -> None:
     random = np.random.default_rng(seed)
     blocked = random.random((80, 80)) < 0.004
-    room = Room.of(blocked, Geometry(0.0, 0.0, 0.05, 80, 80))
+    room = DistanceGrid.of(blocked, Geometry(0.0, 0.0, 0.05, 80, 80))
     body = Footprint.of(BODY)
     seen = set()
     for _ in range(300):

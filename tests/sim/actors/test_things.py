@@ -1,4 +1,4 @@
-"""People, placed things, and the ledger of contacts."""
+"""People, placed things, and the contact_log of contacts."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_a_person_stops_before_a_standing_robot_and_goes_on_when_it_is_gone() ->
     simulation = make_simulation(make_world(movers={"anna": {"motion": walk}}))
     drive(simulation, 4.0)
     assert where(simulation, "anna")[0] == pytest.approx(-0.375 - 0.25 - 0.5, abs=0.03)
-    assert simulation.ledger.count == 0
+    assert simulation.contact_log.count == 0
     simulation.move_robot(MoveRobot(robot="amr1", pose=Pose2(x=0.0, y=5.0, yaw=0.0)))
     drive(simulation, 2.0)
     assert where(simulation, "anna")[0] == pytest.approx(-1.125 + 2.0, abs=0.03)
@@ -117,7 +117,7 @@ def test_a_removed_thing_is_neither_seen_nor_touched() -> None:
     coast(simulation, 0.08)
     assert np.isnan(newest(simulation, topics.SCAN).ranges).all()
     drive(simulation, 3.0, linear=1.0)
-    assert simulation.ledger.count == 0 and simulation.robots["amr1"].pose[0] > 2.0
+    assert simulation.contact_log.count == 0 and simulation.robots["amr1"].pose[0] > 2.0
 
 
 @pytest.mark.parametrize(
@@ -177,14 +177,14 @@ def test_a_robot_is_not_set_down_in_anything() -> None:
 def test_driving_about_touches_nothing() -> None:
     simulation = make_simulation()
     drive(simulation, 2.0, linear=1.0, angular=0.5)
-    assert simulation.ledger.count == 0
+    assert simulation.contact_log.count == 0
 
 
 def test_a_crash_is_one_contact_with_name_time_and_force_and_closes_the_bumper() -> None:
     simulation = make_simulation(make_world(statics={"wall": {"kind": "wall", "start": (1.1, -9), "end": (1.1, 9)}}))
     heard = drive(simulation, 2.5, linear=0.6)
-    assert simulation.ledger.count == 1
-    contact = simulation.ledger.rows[0]
+    assert simulation.contact_log.count == 1
+    contact = simulation.contact_log.rows[0]
     assert (contact.robot, contact.other) == ("amr1", "wall")
     # 0.625 m away; 0.6 m/s is reached after 0.4 s and 0.12 m.
     assert contact.stamp == pytest.approx((0.4 + 0.505 / 0.6) * 1e9, rel=0.03)
@@ -198,7 +198,7 @@ def test_backing_into_a_crate_closes_the_rear_bumper() -> None:
     simulation = make_simulation()
     simulation.place(place(x=-0.8))
     heard = drive(simulation, 1.5, linear=-0.5)
-    assert [c.other for c in simulation.ledger.rows] == ["crate"]
+    assert [c.other for c in simulation.contact_log.rows] == ["crate"]
     assert any(m.bumper_rear for t, m in heard if t is topics.CONTACTS)
 
 
@@ -208,17 +208,17 @@ def test_touching_again_after_parting_is_another_contact() -> None:
     for _ in range(2):
         drive(simulation, 1.5, linear=0.4)
         drive(simulation, 1.0, linear=-0.4)
-    assert simulation.ledger.count == 2
+    assert simulation.contact_log.count == 2
 
 
 def test_the_force_of_a_contact_is_the_greatest_it_had() -> None:
     simulation = make_simulation(make_world(statics={"wall": {"kind": "wall", "start": (1.1, -9), "end": (1.1, 9)}}))
-    while not simulation.ledger.count:
+    while not simulation.contact_log.count:
         drive(simulation, 0.02, linear=0.1)
-    softly = simulation.ledger.rows[0].force
+    softly = simulation.contact_log.rows[0].force
     drive(simulation, 1.0, linear=1.2)
-    assert simulation.ledger.count == 1
-    assert simulation.ledger.rows[0].force > 1.5 * softly
+    assert simulation.contact_log.count == 1
+    assert simulation.contact_log.rows[0].force > 1.5 * softly
 
 
 @pytest.mark.parametrize("size", [(0.2, 8.0, 0.5), (0.2, 8.0, 8.0)])
@@ -226,21 +226,21 @@ def test_a_long_thing_is_solid_to_its_ends(size: tuple[float, ...]) -> None:
     simulation = make_simulation()
     simulation.place(place("beam", x=1.0, y=3.7, size=size))
     drive(simulation, 1.5, linear=0.8)
-    assert [c.other for c in simulation.ledger.rows] == ["beam"]
+    assert [c.other for c in simulation.contact_log.rows] == ["beam"]
 
 
 def test_a_person_who_is_run_into_counts() -> None:
     simulation = make_simulation()
     simulation.place(place("ben", x=1.0, kind="person"))
     drive(simulation, 1.5, linear=0.8)
-    assert [c.other for c in simulation.ledger.rows] == ["ben"]
+    assert [c.other for c in simulation.contact_log.rows] == ["ben"]
 
 
 def test_two_robots_that_collide_both_count() -> None:
     robots = {n: {"profile": "longjack", "pose": (x, 0, 0)} for n, x in (("amr1", 0.0), ("amr2", 1.0))}
     simulation = make_simulation(make_world(robots=robots))
     drive(simulation, 1.5, linear=0.6)
-    assert {(c.robot, c.other) for c in simulation.ledger.rows} == {("amr1", "amr2"), ("amr2", "amr1")}
+    assert {(c.robot, c.other) for c in simulation.contact_log.rows} == {("amr1", "amr2"), ("amr2", "amr1")}
 
 
 def test_a_rack_sleeps_until_it_is_run_into() -> None:
@@ -251,7 +251,7 @@ def test_a_rack_sleeps_until_it_is_run_into() -> None:
     assert simulation.data.tree_asleep[tree] >= 0
     drive(simulation, 2.0, linear=0.8)
     assert simulation.data.tree_asleep[tree] < 0
-    assert [c.other for c in simulation.ledger.rows][:1] == ["rack_1"]
+    assert [c.other for c in simulation.contact_log.rows][:1] == ["rack_1"]
     assert where(simulation, "rack_1")[0] > 1.21, "it was pushed"
 
 
@@ -259,4 +259,4 @@ def test_a_robot_passes_under_a_rack_without_touching_it() -> None:
     world = make_world(rack_kinds=RACK, racks={"rack_1": {"kind": "standard", "pose": (1.5, 0.0, 0)}})
     simulation = make_simulation(world)
     drive(simulation, 4.0, linear=0.8)
-    assert simulation.robots["amr1"].pose[0] > 2.5 and simulation.ledger.count == 0
+    assert simulation.robots["amr1"].pose[0] > 2.5 and simulation.contact_log.count == 0

@@ -149,7 +149,7 @@ def test_the_arm_of_a_world_stands_free(name: str) -> None:
     world = load_world(name)
     simulation = Simulation(world, load_profiles(world), 0, EXACT)
     wait(simulation, 0.1)
-    assert simulation.ledger.count == 0
+    assert simulation.contact_log.count == 0
     model, data, arm = simulation.model, simulation.data, arm_of(simulation)
     others = [g for g in range(model.ngeom) if not model.geom(g).name.startswith(("arm1/", "pedestal", "slot/"))]
     moving = [g for g in arm.geoms if model.geom(g).name != "arm1/base"]
@@ -338,7 +338,7 @@ def test_a_joint_that_is_held_back_does_not_wind_up() -> None:
     down = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     blocked = control(simulation, 1.3, "velocity", lambda _: down)[-1]
     assert abs(blocked.dq[1]) < 0.05
-    assert {(row.robot, row.other) for row in simulation.ledger.rows} == {("arm1", "floor")}
+    assert {(row.robot, row.other) for row in simulation.contact_log.rows} == {("arm1", "floor")}
     states = control(simulation, 0.13, "velocity", lambda _: -down)
     assert states[60].dq[1] < -0.9
 
@@ -387,7 +387,7 @@ def test_the_same_commands_give_the_same_bytes_and_others_do_not() -> None:
 
 def test_the_arm_meets_itself(ur5e: Simulation) -> None:
     control(ur5e, 1.5, "velocity", lambda _: np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]))
-    assert ("arm1", "arm1") in {(row.robot, row.other) for row in ur5e.ledger.rows}
+    assert ("arm1", "arm1") in {(row.robot, row.other) for row in ur5e.contact_log.rows}
 
 
 def test_nothing_can_be_placed_into_it(ur5e: Simulation) -> None:
@@ -447,7 +447,7 @@ def lift_the_crate(simulation: Simulation) -> None:
 
 
 def test_the_gripper_lifts_what_it_sucks_and_lets_go() -> None:
-    """The flange feels the crate's weight; the ledger finds nothing wrong."""
+    """The flange feels the crate's weight; the contact_log finds nothing wrong."""
     simulation = Simulation(crate_world(), {}, 0, EXACT)
     assert state_of(simulation).gripper == Gripper(suction=False, holding=False)
     lift_the_crate(simulation)
@@ -459,7 +459,7 @@ def test_the_gripper_lifts_what_it_sucks_and_lets_go() -> None:
     states = control(simulation, 0.5, "velocity", lambda _: np.zeros(6))
     assert states[-1].gripper == Gripper(suction=False, holding=False)
     assert lowest(simulation, "crate") < 0.01
-    assert simulation.ledger.count == 0
+    assert simulation.contact_log.count == 0
 
 
 def lowest(simulation: Simulation, item: str) -> float:
@@ -518,7 +518,7 @@ def test_the_arm_carries_a_parcel_across_the_table() -> None:
     lies = simulation.data.body("parcel_red").xpos
     assert np.linalg.norm(lies[:2] - pose[:2] - (0.26, 0.0)) < 0.05
     assert lies[2] == pytest.approx(pose[2], abs=0.03), "it lies on the table again"
-    assert simulation.ledger.count == 0
+    assert simulation.contact_log.count == 0
 
 
 def warehouse() -> Simulation:

@@ -14,7 +14,7 @@ from rackhand.schemas.world import InjectFault, MoveRobot
 from rackhand.services.sim.chassis.drive import WheelTargets, approach, follow, is_fresh
 from rackhand.services.sim.chassis.noise import NoiseSettings
 from rackhand.services.sim.chassis.profiles import load_profile
-from rackhand.services.sim.simulation import INSTANT_NS
+from rackhand.services.sim.simulation import CONTROL_STEP_NS
 from tests.sim.helpers import STILL, coast, drive, make_simulation, make_world, newest
 
 
@@ -72,7 +72,7 @@ def test_limits_of_the_drive_hold_for_any_command() -> None:
     speeds = [m.twist.linear for t, m in drive(simulation, 1.5, linear=50.0) if t is topics.ODOMETRY]
     limits = simulation.robots["amr1"].profile.drive
     assert max(speeds) == pytest.approx(limits.max_linear, rel=0.02)
-    steps = [(b - a) * 1e9 / INSTANT_NS for a, b in pairwise(speeds)]
+    steps = [(b - a) * 1e9 / CONTROL_STEP_NS for a, b in pairwise(speeds)]
     assert max(steps) < 1.2 * limits.acceleration
 
 

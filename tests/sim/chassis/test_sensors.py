@@ -14,7 +14,7 @@ from rackhand.schemas.world import InjectFault, Place
 from rackhand.services.sim.chassis.battery import BatteryModel
 from rackhand.services.sim.chassis.noise import NoiseSettings, PoseNoise, generator
 from rackhand.services.sim.chassis.profiles import BatteryKind
-from rackhand.services.sim.simulation import INSTANT_NS
+from rackhand.services.sim.simulation import CONTROL_STEP_NS
 from tests.sim.helpers import coast, drive, make_simulation, make_world, newest
 
 WALL = {"wall_east": {"kind": "wall", "start": (3.1, -9), "end": (3.1, 9), "thickness": 0.2}}
@@ -161,7 +161,7 @@ def test_everything_is_due_on_multiples_of_its_period_and_first_at_zero(topic: T
         if message is not None:
             assert message.stamp == simulation.stamp
             due.append(simulation.stamp)
-    assert due == list(range(0, 50 * INSTANT_NS + 1, period * 1_000_000))
+    assert due == list(range(0, 50 * CONTROL_STEP_NS + 1, period * 1_000_000))
 
 
 def test_odometry_is_the_last_of_an_instant() -> None:
@@ -223,7 +223,7 @@ def test_jack_takes_its_time_and_lifts_a_rack() -> None:
     assert up.state == "hold" and up.progress == 1.0
     assert up.weight == pytest.approx(300, rel=0.02)
     assert simulation.data.xpos[rack][2] == pytest.approx(0.08 - 0.035, abs=0.003)  # a gap of 35 mm comes first
-    assert simulation.ledger.count == 0, "lifting its rack is no collision"
+    assert simulation.contact_log.count == 0, "lifting its rack is no collision"
     drive(simulation, 2.0, linear=0.3)
     assert simulation.data.xpos[rack][0] == pytest.approx(simulation.robots["amr1"].pose[0], abs=0.01)
 

@@ -59,7 +59,7 @@ def test_worlds_that_come_along_run(name: str) -> None:
     assert world.name == name
     simulation = Simulation(world, load_profiles(world), world.seed)
     simulation.step()
-    assert simulation.ledger.count == 0
+    assert simulation.contact_log.count == 0
 
 
 def test_a_world_may_be_given_by_its_folder(tmp_path: Path) -> None:
