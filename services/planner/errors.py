@@ -1,15 +1,6 @@
-"""What goes wrong outside a move: requests that are refused, and a store that cannot be used."""
+"""A store that cannot be used. Requests that are refused raise ``rackhand.schemas.refusal.RequestRefused``."""
 
 from __future__ import annotations
-
-
-class RequestRefused(Exception):
-    """A request that is not carried out. ``code`` is one of ``rackhand.schemas.chassis.Refusal``; the text says why."""
-
-    def __init__(self, code: str, text: str) -> None:
-        super().__init__(f"{code}: {text}")
-        self.code = code
-        self.text = text
 
 
 class StoreError(Exception):
