@@ -14,8 +14,8 @@ from rackhand.schemas.maps import (
     SelectMap,
     UseMapData,
 )
-from rackhand.services.planner.behaviors.interface import MoveFailed, Navigator
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.services.planner.behaviors.interface import Navigator
+from rackhand.services.planner.errors import MoveFailed, RequestRefused
 from rackhand.services.planner.map.check import check_map, check_overlays
 from rackhand.services.planner.map.store import MapStore, unstored
 
