@@ -11,7 +11,7 @@ from pathlib import Path
 
 
 def main(extras: list[str]) -> None:
-    """``extras``: names of optional dependencies; none given: all of them, and what a build needs (for a wheelhouse)."""
+    """``extras``: names of optional dependencies. None: all of them, and what a build needs (for a wheelhouse)."""
     pyproject = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())
     known: dict[str, list[str]] = pyproject["project"]["optional-dependencies"]
     if unknown := set(extras) - known.keys():
