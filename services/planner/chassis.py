@@ -37,14 +37,16 @@ from rackhand.schemas.moves import (
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.alerts import active_alerts
-from rackhand.services.planner.behaviors.interface import STANDSTILL, MoveFailed, Navigator, Observation, Progress
+from rackhand.services.planner.behaviors.interface import Navigator, Progress
 from rackhand.services.planner.behaviors.runner import PATIENCE_NS, MoveRunner
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import JackOrders
 from rackhand.services.planner.map.service import MapService
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteLimits, ramp
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
-from rackhand.services.planner.perception.chassis_state import ChassisState
+from rackhand.services.planner.perception.chassis_state import ChassisState, Observation
 from rackhand.services.planner.reports import Publication, Reports
 
 PERIOD_NS = 40_000_000  # between commands

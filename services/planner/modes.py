@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from rackhand.schemas.base import NANOSECONDS, Twist2
 from rackhand.schemas.chassis import ControlMode
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
-from rackhand.services.planner.behaviors.interface import STANDSTILL
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from rackhand.schemas.maps import (
     UseMapData,
 )
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
-from rackhand.services.planner.behaviors.interface import MoveFailed, Navigator
+from rackhand.services.planner.behaviors.interface import Navigator
+from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.map.check import check_map, check_overlays
 from rackhand.services.planner.map.store import MapStore, unstored
 
