@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rackhand.bus.samples import Sample
 from rackhand.schemas.base import Message
+from rackhand.schemas.refusal import RefusalCode
 from rackhand.schemas.service import ServiceId
 from rackhand.schemas.topics import Query, Topic
 
@@ -76,4 +77,4 @@ class Handlers:
                 if (serve := self._queries.get(event.query.key)) is not None:
                     serve(event)
                 else:
-                    event.refuse("internal", f"{event.query.name} has no handler")
+                    event.refuse(RefusalCode.INTERNAL, f"{event.query.name} has no handler")

@@ -22,6 +22,7 @@ from rackhand.bus.requests import Request, refuse
 from rackhand.bus.samples import Malformed, Sample, parse
 from rackhand.schemas.base import Message
 from rackhand.schemas.codec import MalformedMessage, codec_for
+from rackhand.schemas.refusal import RefusalCode
 from rackhand.schemas.service import ALIVE_EVERYWHERE, ServiceId
 from rackhand.schemas.topics import Qos, Query, Topic
 
@@ -149,7 +150,7 @@ class Inbox:
             try:
                 message = codec.loads(payload, str(pending.encoding) if pending.encoding is not None else None)
             except MalformedMessage as error:
-                refuse(pending, "malformed", str(error))
+                refuse(pending, RefusalCode.MALFORMED, str(error))
                 self.malformed.count(query.name, error)
                 return None
             return Request(query, robot, message, pending)
@@ -159,7 +160,7 @@ class Inbox:
 
         def push_or_refuse(pending: zenoh.Query) -> None:
             if len(source.items) >= MAX_REQUESTS:
-                return refuse(pending, "unavailable", f"more than {MAX_REQUESTS} requests are waiting")
+                return refuse(pending, RefusalCode.UNAVAILABLE, f"more than {MAX_REQUESTS} requests are waiting")
             return push(pending)
 
         self._handles.append(self._bus.declare_queryable(query.key_for(robot), push_or_refuse))

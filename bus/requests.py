@@ -8,8 +8,8 @@ import zenoh
 
 from rackhand.bus.log import get_logger
 from rackhand.schemas.base import Message
-from rackhand.schemas.chassis import Refusal
 from rackhand.schemas.codec import MalformedMessage, codec_for
+from rackhand.schemas.refusal import Refusal, RefusalCode
 from rackhand.schemas.topics import Query
 
 log = get_logger(__name__)
@@ -32,13 +32,13 @@ class Request(Generic[Q, R]):
         try:
             payload = codec.dumps(message)
         except MalformedMessage as error:
-            return self.refuse("internal", str(error))
+            return self.refuse(RefusalCode.INTERNAL, str(error))
         if pending := self._take():
             with pending:
                 pending.reply(pending.key_expr, payload, encoding=codec.encoding)
         return None
 
-    def refuse(self, code: str, text: str) -> None:
+    def refuse(self, code: RefusalCode, text: str) -> None:
         if pending := self._take():
             refuse(pending, code, text)
 
@@ -47,10 +47,10 @@ class Request(Generic[Q, R]):
         return pending
 
     def __del__(self) -> None:
-        self.refuse("internal", "the service dropped the request")
+        self.refuse(RefusalCode.INTERNAL, "the service dropped the request")
 
 
-def refuse(pending: Any, code: str, text: str) -> None:
+def refuse(pending: Any, code: RefusalCode, text: str) -> None:
     """Send a refusal; the caller or the session may be gone."""
     codec = codec_for(Refusal)
     try:

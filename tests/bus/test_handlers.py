@@ -10,6 +10,7 @@ import pytest
 from rackhand.bus import Bus, Handlers, Inbox, Presence, Request, Sample
 from rackhand.schemas import topics
 from rackhand.schemas.moves import ListMoves, MoveReply, MoveRequest, PlanningState
+from rackhand.schemas.refusal import RefusalCode
 from rackhand.schemas.service import BusStats, ServiceId
 
 
@@ -20,7 +21,7 @@ class Asked(Request[MoveRequest, MoveReply]):
         self.query, self.robot, self.message = topics.MOVES, "amr1", MoveRequest(request=ListMoves())
         self.refused: tuple[str, str] | None = None
 
-    def refuse(self, code: str, text: str) -> None:
+    def refuse(self, code: RefusalCode, text: str) -> None:
         self.refused = (code, text)
 
     def __del__(self) -> None:
