@@ -18,8 +18,8 @@ from rackhand.bus.attached import stay_attached
 from rackhand.bus.log import get_logger
 from rackhand.bus.samples import Malformed, Sample, parse
 from rackhand.schemas.base import Message
-from rackhand.schemas.chassis import Refusal
 from rackhand.schemas.codec import MalformedMessage, codec_for
+from rackhand.schemas.refusal import Refusal, RefusalCode
 from rackhand.schemas.service import ALIVE_EVERYWHERE, ServiceId
 from rackhand.schemas.topics import Qos, Query, Topic
 
@@ -48,13 +48,13 @@ class Request:
         try:
             payload = codec.dumps(message)
         except MalformedMessage as error:
-            return self.refuse("internal", str(error))
+            return self.refuse(RefusalCode.INTERNAL, str(error))
         if pending := self._take():
             with pending:
                 pending.reply(pending.key_expr, payload, encoding=codec.encoding)
         return None
 
-    def refuse(self, code: str, text: str) -> None:
+    def refuse(self, code: RefusalCode, text: str) -> None:
         if pending := self._take():
             refuse(pending, code, text)
 
@@ -63,7 +63,7 @@ class Request:
         return pending
 
     def __del__(self) -> None:
-        self.refuse("internal", "the service dropped the request")
+        self.refuse(RefusalCode.INTERNAL, "the service dropped the request")
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Presence:
 Event = Sample | Request | Presence
 
 
-def refuse(pending: zenoh.Query, code: str, text: str) -> None:
+def refuse(pending: zenoh.Query, code: RefusalCode, text: str) -> None:
     codec = codec_for(Refusal)
     try:
         with pending:
@@ -159,7 +159,7 @@ class Inbox:
             try:
                 message = codec.loads(payload, str(pending.encoding) if pending.encoding is not None else None)
             except MalformedMessage as error:
-                refuse(pending, "malformed", str(error))
+                refuse(pending, RefusalCode.MALFORMED, str(error))
                 self.malformed.count(query.name, error)
                 return None
             return Request(query, robot, message, pending)
@@ -169,7 +169,7 @@ class Inbox:
 
         def push_or_refuse(pending: zenoh.Query) -> None:
             if len(source.items) >= MAX_REQUESTS:
-                return refuse(pending, "unavailable", f"more than {MAX_REQUESTS} requests are waiting")
+                return refuse(pending, RefusalCode.UNAVAILABLE, f"more than {MAX_REQUESTS} requests are waiting")
             return push(pending)
 
         self._handles.append(self._bus.declare_queryable(query.key_for(robot), push_or_refuse))

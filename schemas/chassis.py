@@ -248,13 +248,3 @@ class Done(Message):
     """The answer to a request that has nothing more to tell."""
 
     detail: str = ""
-
-
-class Refusal(Message):
-    """Why a request was refused: the one error body of every query on the bus.
-
-    ``code``: ``not_found``, ``invalid``, ``precondition``, ``malformed``, ``unavailable``, ``timeout`` or ``internal``.
-    """
-
-    code: str
-    text: str

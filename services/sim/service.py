@@ -9,9 +9,9 @@ from rackhand.bus import Bus, Event, Presence, Publisher, Request, Sample
 from rackhand.bus.log import get_logger
 from rackhand.schemas import topics
 from rackhand.schemas.motion import ArmCommand
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import WORLD
 from rackhand.schemas.topics import Topic
-from rackhand.services.sim.errors import RequestRefused
 from rackhand.services.sim.session import Session
 from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS
 
@@ -115,7 +115,7 @@ class SimService:
         if order.op != "inspect":
             log.info(order.op, **order.model_dump(exclude={"op"}, exclude_defaults=True))
         if order.op in ("reset", "pause") and self._advancing is not None:
-            self._advancing.refuse("precondition", f"{order.op} came before the world had advanced so far")
+            self._advancing.refuse(RefusalCode.PRECONDITION, f"{order.op} came before the world had advanced so far")
             self._advancing = None
         self._publish_changes()
         if reply is None:

@@ -28,11 +28,14 @@ from rackhand.schemas.maps import CreateMap, MapData, MapReply, MapRequest
 from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, Move, MoveCreate, MoveRequest, PlanningState
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import Clock
-from rackhand.services.planner.behaviors.interface import STANDSTILL, Goal, Observation, Progress
+from rackhand.services.planner.behaviors.interface import Progress
 from rackhand.services.planner.chassis import Chassis, ChassisSettings
 from rackhand.services.planner.database import Database
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.moves.records import MoveStore
+from rackhand.services.planner.perception.chassis_state import Observation
+from rackhand.services.planner.planning.goals import Goal
 from tests.chassis_models import chassis_model
 
 STEP = 40_000_000

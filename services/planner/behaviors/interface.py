@@ -3,53 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.schemas.base import Pose2, Twist2
-from rackhand.schemas.chassis import ChassisModel, Costmap, Scan
-from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.base import Twist2
+from rackhand.schemas.chassis import ChassisModel, Costmap
 from rackhand.schemas.maps import MapData
 from rackhand.schemas.moves import StuckState
-
-
-class MoveFailed(Exception):
-    """A move cannot go on: the reason clients get as a number, and the text that says what, where and by how much."""
-
-    def __init__(self, reason: MoveFailReason, text: str) -> None:
-        super().__init__(f"{reason.rest_name}: {text}")
-        self.reason = reason
-        self.text = text
-
-
-@dataclass(frozen=True)
-class Goal:
-    """Where to be in the map. ``None`` for x, y: stay there and rotate; ``None`` for yaw: any heading.
-
-    ``accuracy`` in metres. ``zone``: done as soon as within ``accuracy``, without stopping at the point or rotating.
-    ``rotate_in_place``: turn without any linear velocity.
-    """
-
-    x: float | None = None
-    y: float | None = None
-    yaw: float | None = None
-    accuracy: float = 0.03
-    zone: bool = False
-    rotate_in_place: bool = False
-
-
-@dataclass(frozen=True)
-class Observation:
-    """What is known at one tick. Stamps in ns; the scan is the newest one (its own stamp may be older), or none yet."""
-
-    stamp: int
-    pose: Pose2
-    pose_stamp: int
-    odometry: Pose2
-    twist: Twist2
-    scan: Scan | None
+from rackhand.services.planner.perception.chassis_state import Observation
+from rackhand.services.planner.planning.goals import Goal
 
 
 @dataclass(frozen=True)
@@ -63,10 +27,6 @@ class Progress:
     path: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     replanned: bool = False
     viewport_blocked: bool = False
-
-
-STANDSTILL = Twist2(linear=0.0, angular=0.0)
-Phase = Literal["planning", "driving", "rotating", "done"]
 
 
 class Navigator(Protocol):

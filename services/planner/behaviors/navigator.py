@@ -39,7 +39,7 @@ from rackhand.schemas.base import NANOSECONDS, Twist2
 from rackhand.schemas.chassis import ChassisModel, Costmap
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapData
-from rackhand.services.planner.behaviors.interface import STANDSTILL, Goal, MoveFailed, Observation, Progress
+from rackhand.services.planner.behaviors.interface import Progress
 from rackhand.services.planner.behaviors.run import PlanJob, Run
 from rackhand.services.planner.control import braking_guard as safety
 from rackhand.services.planner.control import driving
@@ -47,14 +47,16 @@ from rackhand.services.planner.control import speed_profile as profile
 from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
 from rackhand.services.planner.control.progress_checker import ProgressWatch
 from rackhand.services.planner.control.route import Route
+from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.geometry.se2 import Pose, wrap
+from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose, wrap
 from rackhand.services.planner.map.grid import load_map
+from rackhand.services.planner.perception.chassis_state import Observation
 from rackhand.services.planner.perception.costmap import cost_bytes
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.perception.pose_filter import PoseFilter
 from rackhand.services.planner.perception.scan_watchdog import ScanWatchdog
-from rackhand.services.planner.planning.goals import check_goal, check_start, is_there
+from rackhand.services.planner.planning.goals import Goal, check_goal, check_start, is_there
 from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Plan, Target
 from rackhand.services.planner.settings import NavigationSettings
 from rackhand.services.planner.warm_up import warm_up
