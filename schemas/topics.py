@@ -73,7 +73,9 @@ IMU = _chassis("imu", chassis.Imu, 50, Qos.STREAM, "angular velocity and specifi
 JACK = _chassis("jack", chassis.Jack, 5, Qos.STREAM, "jack state and progress")
 BATTERY = _chassis("battery", chassis.Battery, 1, Qos.STREAM, "charge, voltage, current")
 CONTACTS = _chassis("contacts", chassis.Contacts, 10, Qos.STREAM, "bumpers, charging contacts, cable, stop button")
-CHASSIS_MODEL = _chassis("model", chassis.ChassisModel, 0, Qos.LATCHED, "footprint and drive geometry")
+CHASSIS_MODEL = _chassis(
+    "model", chassis.ChassisModel, 0, Qos.LATCHED, "footprint, limits, lidar, jack and charge contact"
+)
 POSE = _chassis("pose", chassis.LocalisedPose, 25, Qos.STREAM, "localised pose in the map", publisher="localisation")
 CHASSIS_STATUS = _chassis("status", chassis.ChassisStatus, 0, Qos.LATCHED, "mode, stops, alerts", publisher="planner")
 COMMAND = _chassis("command", chassis.ChassisCommand, 25, Qos.COMMAND, "body velocity and jack", publisher="planner")
