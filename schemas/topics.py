@@ -127,7 +127,7 @@ BATTERY = _chassis("chassis/battery", chassis.Battery, "driver", ("planner", "ga
 CONTACTS = _chassis("chassis/contacts", chassis.Contacts, "driver", ("planner", "viewer"), 10, Qos.STREAM,
                     "bumpers, charging contacts, cable, stop button")
 CHASSIS_MODEL = _chassis("chassis/model", chassis.ChassisModel, "driver", ("planner", "gateway", "viewer"), 0,
-                         Qos.LATCHED, "footprint and drive geometry", ws.RobotModel)
+                         Qos.LATCHED, "footprint, limits, lidar, jack and charge contact", ws.RobotModel)
 POSE = _chassis("chassis/pose", chassis.LocalisedPose, "localiser", ("planner", "gateway", "viewer"), 25, Qos.STREAM,
                 "localised pose in the map", ws.TrackedPose, ws.SlamState, ws.MatchedPoints)
 CHASSIS_STATUS = _chassis("chassis/status", chassis.ChassisStatus, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,

@@ -17,10 +17,10 @@ import numpy as np
 from rackhand.schemas import crf_requests as crf
 from rackhand.schemas.base import Message
 from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.fencing import FencingGuard
 from rackhand.schemas.motion import ArmCommand, ArmState, ControlInfo, Expected, MotionEvent, MotionStatus
 from rackhand.services.controller import ik
 from rackhand.services.controller.access.access import Access
-from rackhand.services.controller.access.hop import FencingGuard
 from rackhand.services.controller.access.streams import StreamGuard, StreamSample
 from rackhand.services.controller.access.types import AccessConfig, ContinueMotion, Order, StopMotion
 from rackhand.services.controller.motion.executor import MotionExecutor, Reference

@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from rackhand.schemas.base import NANOSECONDS, Message, Pose2, Twist2
 from rackhand.schemas.chassis import (
     ChassisCommand,
@@ -100,8 +98,8 @@ class Chassis:
 
     def on_message(self, message: Message) -> None:
         """A measurement of the driver or the localiser."""
-        if isinstance(message, ChassisModel) and not self._same_body(message):
-            self._navigator.set_footprint(message.footprint)
+        if isinstance(message, ChassisModel) and not self._is_known(message):
+            self._navigator.set_model(message)
         self._sensed.take(message)
         match message:
             case Contacts(emergency_stop_button=pressed):
@@ -109,9 +107,9 @@ class Chassis:
             case Odometry(stamp=stamp):
                 self._stamp = stamp
 
-    def _same_body(self, model: ChassisModel) -> bool:
+    def _is_known(self, model: ChassisModel) -> bool:
         known = self._sensed.model
-        return known is not None and np.array_equal(known.footprint, model.footprint)
+        return known is not None and known.model_dump() == model.model_dump()
 
     def on_clock(self, clock: Clock) -> None:
         self._unix_ns, self._stamp = clock.unix_ns, clock.stamp

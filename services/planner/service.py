@@ -127,7 +127,7 @@ class PlannerService:
         if self._link.alive != self._chassis.driver_alive:
             self._chassis.set_driver_alive(self._link.alive)
 
-    def _serve(self, request: Request) -> None:
+    def _serve(self, request: Request[Any, Any]) -> None:
         """What a request caused is told before it is answered: who acts on the answer finds it so."""
         try:
             reply = self._answers[request.query](request.message)
