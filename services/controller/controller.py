@@ -67,6 +67,7 @@ class Controller:
         self._reading = ParseQueue(reader or executor, lambda text: self._dispatcher.read(text))
         self._hop = FencingGuard()
         self._output = Output()
+        self._driver_fault = "the arm driver is not connected"
         self._waiting: dict[tuple[str, bytes], list[object]] = {}
         self._begin(())
 
@@ -98,7 +99,8 @@ class Controller:
         return self._planner.busy or self._reading.busy
 
     def reset(self, why: str) -> None:
-        """The arm's driver is gone or has begun anew: nobody holds control, nothing moves, nothing is queued."""
+        """The arm driver disconnected or restarted: nobody holds control, nothing moves, nothing is queued."""
+        self._driver_fault = why
         self._cancel(CrfCode.ServiceUnavailable, why)
         self._reading.overtake()
         held = self.access.holder(self._now)
@@ -414,7 +416,7 @@ class Controller:
     def _cannot_move(self) -> tuple[Expected[bool], str] | None:
         if self._tick is not None:
             return None
-        return Expected[bool].failed(CrfCode.Forbidden), "the arm's driver is not there"
+        return Expected[bool].failed(CrfCode.Forbidden), self._driver_fault
 
 
 def _pair(ticket: Any) -> tuple[Admitted, object]:
