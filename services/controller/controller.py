@@ -11,10 +11,10 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 
 from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.fencing import FencingGuard
 from rackhand.schemas.motion import ArmCommand, ArmState, ControlInfo, MotionEvent
 from rackhand.services.controller import ik
 from rackhand.services.controller.access.access import Access
-from rackhand.services.controller.access.hop import FencingGuard
 from rackhand.services.controller.access.types import AccessConfig
 from rackhand.services.controller.arm_control import ArmControl
 from rackhand.services.controller.commands.spec import CommandTable

@@ -15,6 +15,7 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import ChassisCommand, LocalisedPose, Odometry, Scan
 from rackhand.schemas.motion import ArmCommand, ArmModel, ArmState
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import WORLD
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, Place, Scene
@@ -25,7 +26,7 @@ from rackhand.services.sim.arm.kinds import load_arm_kinds
 from rackhand.services.sim.chassis.noise import NoiseSettings
 from rackhand.services.sim.chassis.profiles import Profile
 from rackhand.services.sim.chassis.robot import Robot, hull_touches
-from rackhand.services.sim.errors import PhysicsError, RequestRefused, WorldFileError, unknown
+from rackhand.services.sim.errors import PhysicsError, WorldFileError, unknown
 from rackhand.services.sim.mjcf.layers import ARM_BIT, ITEM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
 from rackhand.services.sim.mjcf.scene import build_model
 from rackhand.services.sim.world import scenery
@@ -137,7 +138,7 @@ class Simulation:
             try:
                 route = make_route([(p.x, p.y) for p in (place.pose, *place.walk)], place.speed)
             except ValueError as error:
-                raise RequestRefused("invalid", str(error)) from None
+                raise RequestRefused(RefusalCode.INVALID, str(error)) from None
             walker = Walker(route)
         former = self.obstacles.placed.get(place.name)
         placed = self.obstacles.place(place.name, place.kind, size, _tuple(place.pose), walker)
@@ -149,7 +150,7 @@ class Simulation:
             if former is not None:
                 self.obstacles.place(place.name, former.kind, former.size, former.pose, former.walker)
             self._kinematics()
-            raise RequestRefused("invalid", f"{place.name!r} would stand in {self._owner(touched)}")
+            raise RequestRefused(RefusalCode.INVALID, f"{place.name!r} would stand in {self._owner(touched)}")
 
     def remove(self, name: str) -> None:
         """Raises ``RequestRefused``."""
@@ -167,7 +168,7 @@ class Simulation:
         if touched is not None:
             self.data.qpos[:] = before
             self._kinematics()
-            raise RequestRefused("invalid", f"{move.robot} would stand in {touched!r}")
+            raise RequestRefused(RefusalCode.INVALID, f"{move.robot} would stand in {touched!r}")
         robot.rest(self._controls)
 
     def inject(self, fault: InjectFault) -> None:
@@ -320,7 +321,7 @@ class Simulation:
         self._kinematics()
         for name, robot in self.robots.items():
             if (touched := self._touched(robot)) is not None:
-                raise RequestRefused("invalid", f"robots.{name}.pose: it would stand in {touched!r}")
+                raise RequestRefused(RefusalCode.INVALID, f"robots.{name}.pose: it would stand in {touched!r}")
 
     def _move_walkers(self, dt: float) -> None:
         robots = [(r.pose, r.profile.body.size[0] / 2, r.profile.body.size[1] / 2) for r in self.robots.values()]
@@ -345,10 +346,10 @@ class Simulation:
 
     def _check_name(self, name: str) -> None:
         if not re.fullmatch(r"[\w.-]{1,60}", name):
-            raise RequestRefused("invalid", f"name {name!r}: want 1 … 60 letters, digits, '_', '-' or '.'")
+            raise RequestRefused(RefusalCode.INVALID, f"name {name!r}: want 1 … 60 letters, digits, '_', '-' or '.'")
         world = self.world
         if name in {*self.robots, *self.arms, *world.racks, *world.items, *world.statics, *world.chargers}:
-            raise RequestRefused("invalid", f"{name!r} is the name of something else in this world")
+            raise RequestRefused(RefusalCode.INVALID, f"{name!r} is the name of something else in this world")
 
     def _robot(self, name: str) -> Robot:
         if name not in self.robots:
@@ -384,7 +385,7 @@ def _start_of(mover: Mover) -> tuple[PoseTuple, Walker | None]:
 def check_pose(pose: Pose2) -> None:
     """Raises ``RequestRefused`` for a place so far off that lengths lose their meaning."""
     if max(abs(pose.x), abs(pose.y)) > FARTHEST or abs(pose.yaw) > FARTHEST:
-        raise RequestRefused("invalid", f"pose {_tuple(pose)}: want x, y and yaw within ±{FARTHEST:g}")
+        raise RequestRefused(RefusalCode.INVALID, f"pose {_tuple(pose)}: want x, y and yaw within ±{FARTHEST:g}")
 
 
 def _tuple(pose: Pose2) -> PoseTuple:

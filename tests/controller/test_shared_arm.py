@@ -14,8 +14,8 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from rackhand.schemas.fencing import FencingGuard
 from rackhand.schemas.motion import ArmCommand
-from rackhand.services.controller.access.hop import FencingGuard
 from rackhand.services.controller.protocol.sessions import alias
 from tests.controller.cell import PERIOD_NS, UR5E, PerfectArm
 

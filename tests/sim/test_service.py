@@ -158,7 +158,7 @@ def test_models_and_scene_are_there_for_who_comes_late(start: Any) -> None:
         event = late.get(timeout=20)
         assert isinstance(event, Sample), "nothing is latched"
         messages[event.topic.name] = event.message
-    assert messages[topics.CHASSIS_MODEL.name].profile == "longjack"
+    assert messages[topics.CHASSIS_MODEL.name].name == "longjack"
 
 
 def test_an_advance_that_is_cut_short_is_refused(start: Any) -> None:

@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.schemas.base import Pose2
+from rackhand.schemas.base import Pose2, Twist2
 
 Pose = NDArray[np.float64]
+STANDSTILL = Twist2(linear=0.0, angular=0.0)
 
 
 def pose(value: Pose2) -> Pose:

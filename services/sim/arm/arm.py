@@ -8,8 +8,8 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
+from rackhand.schemas.fencing import FencingGuard
 from rackhand.schemas.motion import ArmCommand, ArmState, Gripper
-from rackhand.services.sim.arm.fence import FencingGuard
 from rackhand.services.sim.arm.kinds import ArmKind
 from rackhand.services.sim.arm.servo import (
     HOLD,

@@ -5,12 +5,14 @@ midway between the driven wheels. SI units.
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.chassis import Actuation, ChassisLimits, ChassisModel, JackModel, LidarModel
 from rackhand.services.sim.errors import WorldFileError
 from rackhand.services.sim.world.worldfile import (
     Data,
@@ -70,15 +72,19 @@ class JackKind(Data):
     plate: Size3
     mass: Positive
     force: Positive
+    max_load: Positive
 
 
 class LidarKind(Data):
-    """``pose`` in the chassis frame at ``height``; ``view`` is the angle that is seen; ``noise`` 1σ in metres."""
+    """``pose`` in the chassis frame at ``height``; ``view`` is the angle that is seen; ``rate`` in scans a second;
+    ``noise`` 1σ in metres.
+    """
 
     pose: PoseTuple
     height: Positive
     beams: Annotated[int, Field(gt=1)]
     view: Annotated[float, Field(gt=0, le=2 * math.pi + 1e-6)]
+    rate: Positive = 12.5
     range_max: Positive = 25.0
     noise: Annotated[float, Field(ge=0)] = 0.01
 
@@ -111,11 +117,35 @@ class BatteryKind(Data):
 class Profile(Data):
     name: str
     body: Body
+    limits: ChassisLimits  # the drive itself goes further, so that it follows these
+    actuation: Actuation
     drive: Drive
     casters: Casters
     jack: JackKind | None = None
     lidar: LidarKind
     battery: BatteryKind
+    charge_contact: Literal["none", "front", "back"] = "none"
+
+    @model_validator(mode="after")
+    def _drive_reaches_its_limits(self) -> Profile:
+        able = {
+            "forward": self.drive.max_linear,
+            "reverse": self.drive.max_linear,
+            "angular": self.drive.max_angular,
+            "acceleration": self.drive.acceleration,
+            "deceleration": self.drive.deceleration,
+            "angular_acceleration": self.drive.angular_acceleration,
+        }
+        for name, most in able.items():
+            if (limit := getattr(self.limits, name)) > most:
+                raise ValueError(f"limits.{name} is {limit:g}, but the drive reaches {most:g} only")
+        return self
+
+    @property
+    def height(self) -> float:
+        """Metres from the floor to the highest point, with the jack down."""
+        plate = 0.0 if self.jack is None else self.jack.plate[2]
+        return self.body.clearance + self.body.size[2] + plate
 
     @property
     def footprint(self) -> NDArray[np.float64]:
@@ -147,3 +177,21 @@ def load_profile(name: str) -> Profile:
     if name not in known_profiles():
         raise WorldFileError(f"chassis profile {name!r} is not known; known: {known_profiles()}")
     return read_model(Profile, worlds_root() / "chassis" / f"{name}.yaml")
+
+
+def describe(profile: Profile) -> ChassisModel:
+    """What the driver publishes of a chassis."""
+    jack, lidar = profile.jack, profile.lidar
+    x, y, yaw = lidar.pose
+    return ChassisModel(
+        name=profile.name,
+        footprint=profile.footprint,
+        height=profile.height,
+        wheel_separation=profile.drive.wheel_separation,
+        wheel_radius=profile.drive.wheel_radius,
+        limits=profile.limits,
+        actuation=profile.actuation,
+        lidar=LidarModel(pose=Pose2(x=x, y=y, yaw=yaw), **lidar.model_dump(exclude={"pose"})),
+        jack=None if jack is None else JackModel(stroke=jack.stroke, duration=jack.duration, max_load=jack.max_load),
+        charge_contact=profile.charge_contact,
+    )

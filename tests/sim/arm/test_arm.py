@@ -12,12 +12,13 @@ import pytest
 from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS, Pose2
 from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken, Gripper
+from rackhand.schemas.refusal import RequestRefused
 from rackhand.schemas.world import Place
 from rackhand.services.sim.arm.arm import Arm
 from rackhand.services.sim.arm.kinds import arm_file, load_arm_kinds
 from rackhand.services.sim.arm.servo import BANDWIDTH
 from rackhand.services.sim.chassis.profiles import load_profiles
-from rackhand.services.sim.errors import RequestRefused, WorldFileError
+from rackhand.services.sim.errors import WorldFileError
 from rackhand.services.sim.mjcf.arm_model import GRIPPER_LENGTH
 from rackhand.services.sim.simulation import Simulation
 from rackhand.services.sim.world.worldfile import ARM_INSTANT_NS, World, load_world
