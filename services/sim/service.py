@@ -16,7 +16,7 @@ from rackhand.schemas.service import WORLD, ServiceId
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import WorldReply, WorldRequest
 from rackhand.services.sim.session import Session
-from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS
+from rackhand.worlds.world_model import CONTROL_STEP_NS
 
 log = get_logger(__name__)
 

@@ -28,7 +28,7 @@ from rackhand.schemas.world import (
 from rackhand.services.sim.errors import unknown
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.simulation import Simulation
-from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS
+from rackhand.worlds.world_model import CONTROL_STEP_NS
 
 # Whose commands a participant's answers are: one service commands a chassis, another an arm.
 CHASSIS_COMMANDER, ARM_COMMANDER = "planner", "controller"

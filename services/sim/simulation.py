@@ -22,16 +22,17 @@ from rackhand.schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, 
 from rackhand.services.sim.actors.obstacles import PERSON_SIZE, Obstacles
 from rackhand.services.sim.actors.walkers import Walker, is_in_way, make_route
 from rackhand.services.sim.arm.arm import Arm
-from rackhand.services.sim.arm.kinds import load_arm_kinds
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.chassis.profiles import Profile
 from rackhand.services.sim.chassis.robot import Robot, hull_touches
-from rackhand.services.sim.errors import PhysicsError, WorldFileError, unknown
+from rackhand.services.sim.errors import PhysicsError, unknown
 from rackhand.services.sim.mjcf.layers import ARM_BIT, ITEM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
 from rackhand.services.sim.mjcf.scene import build_model
 from rackhand.services.sim.world import scenery
 from rackhand.services.sim.world.contact_log import ContactLedger
-from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS, Mover, PoseTuple, Walk, World
+from rackhand.worlds.arm_model import load_arm_descriptions
+from rackhand.worlds.chassis_model import ChassisProfile
+from rackhand.worlds.data import PoseTuple, WorldFileError
+from rackhand.worlds.world_model import CONTROL_STEP_NS, Mover, Walk, World
 
 SETTLING_INSTANTS = 15
 FARTHEST = 1000.0
@@ -60,10 +61,12 @@ class Simulation:
     again.
     """
 
-    def __init__(self, world: World, profiles: Mapping[str, Profile], seed: int, noise: NoiseSettings = NOISE) -> None:
+    def __init__(
+        self, world: World, profiles: Mapping[str, ChassisProfile], seed: int, noise: NoiseSettings = NOISE
+    ) -> None:
         self.world, self.seed = world, seed
         self.control_step_ns = world.control_step_ns
-        kinds = load_arm_kinds(world)
+        kinds = load_arm_descriptions(world)
         self.model = build_model(world, profiles, kinds)
         self.data = mujoco.MjData(self.model)
         self.obstacles = Obstacles(self.model, self.data)

@@ -20,7 +20,7 @@ from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.service import SimService
 from rackhand.services.sim.session import Run, Session
 from rackhand.services.sim.simulation import CONTROL_STEP_NS
-from rackhand.services.sim.world.worldfile import World
+from rackhand.worlds.world_model import World
 from tests.bus.conftest import free_port
 from tests.sim.helpers import make_simulation, make_world
 
