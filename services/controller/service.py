@@ -55,8 +55,8 @@ class ControllerService:
             for _ in range(READ_AHEAD):
                 if event is None:
                     break
-                if isinstance(event, Request) and event.query is topics.MOTION:
-                    self._tick_if_due()  # the inbox has nothing more urgent
+                if self._link.lockstep or (isinstance(event, Request) and event.query is topics.MOTION):
+                    self._tick_if_due()  # in lockstep each step is answered; else the inbox has nothing more urgent
                 self.handle(event)
                 event = self._inbox.get(0)
             if event is not None:

@@ -58,7 +58,7 @@ class SimService:
         self._publish_models()
         self._publish_things()
         self._bus.announce()
-        self._publish_instant()
+        self._publish_step()
         log.info("ready", world=self._session.simulation.world.name, seed=self._session.seed)
         while not self._bus.stopping:
             self._drain()
@@ -70,14 +70,14 @@ class SimService:
         self._finish_advance()
         match decision.kind:
             case "step":
-                simulation.step()
+                self._session.step()
                 self._publish_outputs()
                 if simulation.stamp % CONTROL_STEP_NS == 0:
                     self._publish_clock()
-            case "retell":
+            case "republish":
                 self._log_waiting()
-                self._publish_instant()
-            case "tell_clock":
+                self._publish_step()
+            case "publish_clock":
                 self._publish_clock()
             case "wait":
                 event = self._inbox.get(timeout=decision.seconds)
@@ -100,7 +100,7 @@ class SimService:
                     self._log_fault(robot, message)
             case Presence(service=service, alive=False):
                 if self._session.gone(service):
-                    log.warning("a participant has gone; the world goes on without it", who=str(service))
+                    log.warning("a participant has gone; the simulation continues without it", who=str(service))
             case Request():
                 self._serve(event)
             case _:
@@ -115,7 +115,7 @@ class SimService:
         if order.op != "inspect":
             log.info(order.op, **order.model_dump(exclude={"op"}, exclude_defaults=True))
         if order.op in ("reset", "pause") and self._advancing is not None:
-            self._advancing.refuse("precondition", f"{order.op} came before the world had advanced so far")
+            self._advancing.refuse("precondition", f"{order.op} came before the end of the advance")
             self._advancing = None
         self._publish_changes()
         if reply is None:
@@ -135,7 +135,7 @@ class SimService:
     def _publish(self, topic: Topic[Any], robot: str, message: Any) -> None:
         self._publishers[topic, robot].put(message)
 
-    def _publish_instant(self) -> None:
+    def _publish_step(self) -> None:
         self._publish_outputs()
         self._publish_clock()
 
@@ -162,8 +162,8 @@ class SimService:
             self._publish_clock()
         if changes.things:
             self._publish_things()
-        if changes.instant:
-            self._publish_instant()
+        if changes.outputs:
+            self._publish_step()
 
     def _log_fault(self, robot: str, command: Any) -> None:
         """A command that is wrong in itself is told of once; late ones are no fault."""
@@ -173,7 +173,8 @@ class SimService:
             log.warning("a command is ignored; the next of its kind will be without a word", robot=robot, fault=fault)
 
     def _log_waiting(self) -> None:
-        missing = ", ".join(str(s) for s in self._session.pacer.missing(self._session.simulation.stamp))
+        pacer, stamp = self._session.pacer, self._session.simulation.stamp
+        missing = ", ".join(str(service) for service in pacer.missing(stamp) or pacer.unanswered(stamp))
         if missing != self._waiting_for:
-            log.info("the world stands and waits", at=self._session.simulation.stamp, missing=missing or "nobody")
+            log.info("simulation waits for commands", at=stamp, missing=missing or "nobody")
             self._waiting_for = missing
