@@ -8,6 +8,7 @@ from rackhand.bus.log import get_logger
 from rackhand.runtime.driver_link import DriverLink
 from rackhand.schemas import topics
 from rackhand.schemas.motion import ArmCommand, ArmState, CrfAnswer, MotionStream
+from rackhand.schemas.refusal import RefusalCode
 from rackhand.schemas.service import WORLD, ServiceId
 from rackhand.schemas.world import Join, WorldRequest
 from rackhand.services.controller.access.audit_writer import AuditWriter
@@ -55,12 +56,10 @@ class ControllerService:
             for _ in range(READ_AHEAD):
                 if event is None:
                     break
-                if self._link.lockstep or (isinstance(event, Request) and event.query is topics.MOTION):
-                    self._tick_if_due()  # in lockstep each step is answered; else the inbox has nothing more urgent
-                self.handle(event)
+                self._take(event)
                 event = self._inbox.get(0)
             if event is not None:
-                self.handle(event)
+                self._take(event)
             self._tick_if_due()
             self._controller.poll()
             self._publish()
@@ -74,6 +73,11 @@ class ControllerService:
         if event is None:
             self._controller.await_plan(PLAN_POLL)
         return event
+
+    def _take(self, event: Event) -> None:
+        if self._link.lockstep or (isinstance(event, Request) and event.query is topics.MOTION):
+            self._tick_if_due()  # in lockstep each step is answered; else the inbox has nothing more urgent
+        self.handle(event)
 
     def handle(self, event: Event) -> None:
         """Take in one event. What goes wrong here ends neither the service nor another request."""
@@ -96,7 +100,7 @@ class ControllerService:
         except Exception as error:
             self._log_once(error)
             if isinstance(event, Request):
-                event.refuse("internal", "the controller failed to answer; its log says more")
+                event.refuse(RefusalCode.INTERNAL, "the controller failed to answer; its log says more")
         self._publish()
 
     # -- the loop -----------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Moves that fail, requests that are refused, and a store that cannot be used."""
+"""Moves that fail, and a store that cannot be used; refused requests are ``schemas.refusal.RequestRefused``."""
 
 from __future__ import annotations
 
@@ -11,15 +11,6 @@ class MoveFailed(Exception):
     def __init__(self, reason: MoveFailReason, text: str) -> None:
         super().__init__(f"{reason.rest_name}: {text}")
         self.reason = reason
-        self.text = text
-
-
-class RequestRefused(Exception):
-    """A request that is not carried out. ``code`` is one of ``rackhand.schemas.chassis.Refusal``; the text says why."""
-
-    def __init__(self, code: str, text: str) -> None:
-        super().__init__(f"{code}: {text}")
-        self.code = code
         self.text = text
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.motion import ArmCommand
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import ServiceId
 from rackhand.schemas.world import (
     Advance,
@@ -25,10 +26,10 @@ from rackhand.schemas.world import (
     WorldRequest,
 )
 from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
-from rackhand.services.sim.errors import RequestRefused, unknown
+from rackhand.services.sim.errors import unknown
 from rackhand.services.sim.pacing import CommandSchedule, Pacer
 from rackhand.services.sim.simulation import Simulation
-from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS
+from rackhand.worlds.world_model import CONTROL_STEP_NS
 
 # Whose commands a participant's answers are: one service commands a chassis, another an arm.
 CHASSIS_COMMANDER, ARM_COMMANDER = "planner", "controller"
@@ -174,12 +175,13 @@ class Session:
         step_ns = simulation.control_step_ns if is_arm else CONTROL_STEP_NS
         if join.period_ns % step_ns:
             raise RequestRefused(
-                "invalid", f"period {join.period_ns} ns is not a multiple of the control step of {step_ns} ns"
+                RefusalCode.INVALID,
+                f"period {join.period_ns} ns is not a multiple of the control step of {step_ns} ns",
             )
         latency_ns = join.latency * join.period_ns
         if latency_ns and latency_ns + join.period_ns > COMMAND_LIFE_NS:
             raise RequestRefused(
-                "invalid",
+                RefusalCode.INVALID,
                 f"command latency of {join.latency} periods of {join.period_ns} ns: a command would be older than "
                 f"{COMMAND_LIFE_NS} ns before the next one takes effect",
             )
@@ -191,9 +193,11 @@ class Session:
 
     def _advance(self, duration_ns: int) -> None:
         if not self.pacer.paused:
-            raise RequestRefused("precondition", "the simulation is running; pause it before advancing it")
+            raise RequestRefused(RefusalCode.PRECONDITION, "the simulation is running; pause it before advancing it")
         if self.pacer.until is not None:
-            raise RequestRefused("precondition", f"the simulation is already advancing to stamp {self.pacer.until}")
+            raise RequestRefused(
+                RefusalCode.PRECONDITION, f"the simulation is already advancing to stamp {self.pacer.until}"
+            )
         step_ns = self.simulation.control_step_ns
         self.pacer.advance(self.simulation.stamp + -(-duration_ns // step_ns) * step_ns)
         self.changes.clock = True

@@ -18,7 +18,8 @@ from rackhand.schemas.chassis import (
     SetPose,
 )
 from rackhand.schemas.fail_reasons import MoveFailReason
-from rackhand.services.planner.errors import MoveFailed, RequestRefused
+from rackhand.schemas.refusal import RequestRefused
+from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import TIME_LIMIT_NS
 from tests.planner.fakes import FORWARD, STEP, Cell

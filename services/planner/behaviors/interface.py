@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rackhand.schemas.base import Twist2
-from rackhand.schemas.chassis import Costmap
+from rackhand.schemas.chassis import ChassisModel, Costmap
 from rackhand.schemas.maps import MapData
 from rackhand.schemas.moves import StuckState
 from rackhand.services.planner.perception.chassis_state import Observation
@@ -36,8 +36,8 @@ class Navigator(Protocol):
         """Use this map with its overlays (or none) from now on. Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that
         cannot be read. Forgets what was observed on the former one."""
 
-    def set_footprint(self, footprint: NDArray[np.float64]) -> None:
-        """The convex body polygon, (n, 2) metres in the chassis frame."""
+    def set_model(self, model: ChassisModel) -> None:
+        """Navigate this chassis from now on: its footprint, limits and actuation."""
 
     def reset(self) -> None:
         """Another run of the driver has begun: forget the goal and all that was measured."""

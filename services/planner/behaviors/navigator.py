@@ -34,10 +34,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rackhand.schemas.base import NANOSECONDS, Twist2
-from rackhand.schemas.chassis import Costmap
+from rackhand.schemas.chassis import ChassisModel, Costmap
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapData
 from rackhand.services.planner.behaviors.interface import Progress
@@ -79,7 +78,8 @@ class ChassisNavigator:
     """The ``Navigator`` of ``rackhand.services.planner.behaviors.interface``."""
 
     def __init__(self, settings: NavigationSettings | None = None) -> None:
-        self.settings = settings or NavigationSettings()
+        self._configured = settings or NavigationSettings()
+        self.settings = self._configured
         self._footprint = Footprint.of(np.array(LONGEJACK_BODY))
         self._around: LocalCostmap | None = None
         self._planner: GlobalPlanner | None = None
@@ -103,9 +103,11 @@ class ChassisNavigator:
             self._around = LocalCostmap(load_map(data, self.settings.slow_zone_velocity), self.settings)
             self._make_planner()
 
-    def set_footprint(self, footprint: NDArray[np.float64]) -> None:
-        """The convex body polygon, (n, 2) metres in the chassis frame, around its origin."""
-        self._footprint = Footprint.of(footprint)
+    def set_model(self, model: ChassisModel) -> None:
+        """Navigate this chassis from now on, within its limits."""
+        self.settings = self._configured.for_chassis(model)
+        self._give_way = DynamicAvoidance(self.settings)
+        self._footprint = Footprint.of(model.footprint)
         self._make_planner()
 
     def _make_planner(self) -> None:
