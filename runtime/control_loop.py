@@ -174,8 +174,8 @@ class ControlLoop(Generic[C]):
 
     def handle(self, event: Event) -> None:
         """Take in one event. What goes wrong here ends neither the service nor another request."""
-        if isinstance(event, Request) and event.query.name not in self._at_once:
-            self._tick_if_due()
+        if self._link.lockstep or (isinstance(event, Request) and event.query.name not in self._at_once):
+            self._tick_if_due()  # in lockstep every step is answered, by what was known of it
         try:
             self.inbox.dispatch(event)
         except Exception as error:

@@ -111,6 +111,13 @@ def test_the_newest_of_what_waits_is_answered_once(core: Core) -> None:
     assert [entry for entry in core.log if entry[0] == "tick"] == [("tick", 8, False), ("tick", 12, False)]
 
 
+def test_in_lockstep_every_period_is_answered_by_what_was_known_of_it(core: Core) -> None:
+    run(core, [clock("a")], [state(0), state(2), state(4), asked("move"), state(8)])
+    assert commands(core) == [0, 4, 8]
+    done = [entry[:2] for entry in core.log if entry[0] in ("tick", "request")]
+    assert done == [("tick", 0), ("tick", 4), ("request", "move"), ("tick", 8)]
+
+
 def test_a_flood_of_events_does_not_put_a_tick_off_for_ever(core: Core) -> None:
     run(core, [state(0), *[Posted(lambda _: None, None)] * (3 * READ_AHEAD), state(4)])
     assert commands(core) == [0, 4]
