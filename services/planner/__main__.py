@@ -61,8 +61,8 @@ def main(
     configure_logging("planner")
     set_niceness(PLANNER)
     navigation = NavigationSettings()
-    limits = replace(
-        navigation.control, max_forward_velocity=max_forward_velocity, max_angular_velocity=max_angular_velocity
+    limits = navigation.control._replace(
+        max_forward_velocity=max_forward_velocity, max_angular_velocity=max_angular_velocity
     )
     remote = RemoteLimits(max_forward_velocity=remote_max_forward_velocity, max_angular_velocity=max_angular_velocity)
     path = store or Path("var") / robot / "planner.sqlite"
