@@ -8,38 +8,38 @@ ENV PATH=/venv/bin:$PATH
 # What a service imports is installed before its code is copied: a change of code installs nothing anew.
 FROM python AS dependencies
 WORKDIR /src
-COPY pyproject.toml LICENSE ./
-RUN touch README.md && mkdir src
+COPY pyproject.toml ./
+COPY docker/requirements.py docker/
 
 FROM dependencies AS build-router
-RUN pip install .
+RUN python docker/requirements.py core >core.txt && pip install -r core.txt
 COPY . .
-RUN pip install --no-deps --force-reinstall .
+RUN pip install --no-deps .
 
 FROM dependencies AS build-sim
-RUN pip install '.[sim]'
+RUN python docker/requirements.py core sim >sim.txt && pip install -r sim.txt
 COPY . .
-RUN pip install --no-deps --force-reinstall .
+RUN pip install --no-deps .
 
 FROM dependencies AS build-planner
-RUN pip install '.[planner]'
+RUN python docker/requirements.py core planner >planner.txt && pip install -r planner.txt
 COPY . .
-RUN pip install --no-deps --force-reinstall .
+RUN pip install --no-deps .
 
 FROM dependencies AS build-controller
-RUN pip install '.[controller]'
+RUN python docker/requirements.py core controller >controller.txt && pip install -r controller.txt
 COPY . .
-RUN pip install --no-deps --force-reinstall .
+RUN pip install --no-deps .
 
 FROM dependencies AS build-gateway
-RUN pip install '.[gateway]'
+RUN python docker/requirements.py core gateway >gateway.txt && pip install -r gateway.txt
 COPY . .
-RUN pip install --no-deps --force-reinstall .
+RUN pip install --no-deps .
 
 FROM dependencies AS build-viewer
-RUN pip install '.[viewer]'
+RUN python docker/requirements.py core viewer >viewer.txt && pip install -r viewer.txt
 COPY . .
-RUN pip install --no-deps --force-reinstall .
+RUN pip install --no-deps .
 
 # What runs: an interpreter, one environment, a user without rights, and two folders that are his: /state outlives
 # the container (a volume), /cache holds what numba compiled.
@@ -58,7 +58,7 @@ EXPOSE 7447
 FROM runtime AS sim
 COPY --from=build-sim /venv /venv
 # Compiled here once, so that no container has to before it is ready.
-RUN python -c "from rackhand.services.sim.simulation import *; from rackhand.services.sim.world.worldfile import load_world; Simulation(load_world('pick_station'), {}, 0)"
+RUN python -c "from rackhand.services.sim.simulation import *; from rackhand.worlds.world_model import load_world; Simulation(load_world('pick_station'), {}, 0)"
 CMD ["python", "-m", "rackhand.services.sim", "--wait-for", "amr1/planner", "--wait-for", "arm1/controller"]
 
 FROM runtime AS planner

@@ -42,7 +42,7 @@ clean:
 # Stamps: which set of dependencies the environment holds, as of which pyproject.toml.
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml
 	@echo "rackhand: installing what the cell needs into $(VENV) (once; a minute or two)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[all]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/bin/python pyproject.toml

@@ -18,7 +18,7 @@ work=$(mktemp -d); trap 'rm -rf "$work"' EXIT
 echo "docker proof: unpacking an engine into $engine"
 "$helpers/get_engine.sh" "$engine"
 echo "docker proof: making a stand-in for $base, with a wheelhouse"
-python3 .ci/requirements.py >"$work/requirements.txt"
+python3 docker/requirements.py >"$work/requirements.txt"
 python3 "$helpers/base_image.py" --requirements "$work/requirements.txt" "$work/base.tar" \
   2> >(grep -v 'is ignored: it is neither a file nor a directory' >&2)  # pip, of places where it finds no wheels
 # In a stand-in nothing can be installed: what the Dockerfile would install is there already.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from rackhand.schemas.refusal import RefusalCode
+
 
 class BusError(Exception):
     """Base of all that the bus raises."""
@@ -16,9 +18,9 @@ class CallTimeout(BusError):
 
 
 class Refused(BusError):
-    """The server said no. ``code`` and ``text`` are those of its ``Refusal``."""
+    """The server refused the request. ``code`` and ``text`` are those of its ``Refusal``."""
 
-    def __init__(self, code: str, text: str) -> None:
+    def __init__(self, code: RefusalCode, text: str) -> None:
         super().__init__(f"{code}: {text}")
         self.code = code
         self.text = text

@@ -20,8 +20,8 @@ from rackhand.bus.errors import CallTimeout, Refused, Unavailable
 from rackhand.bus.inbox import Inbox
 from rackhand.bus.newest import Newest
 from rackhand.schemas.base import Message
-from rackhand.schemas.chassis import Refusal
 from rackhand.schemas.codec import Codec, MalformedMessage, codec_for
+from rackhand.schemas.refusal import Refusal, RefusalCode
 from rackhand.schemas.service import WORLD, BusStats, ServiceId
 from rackhand.schemas.topics import BUS_STATS, Qos, Query, Topic
 
@@ -196,7 +196,7 @@ class Bus:
         try:
             refusal = _REFUSAL.loads(error.payload.to_bytes())
         except MalformedMessage as malformed:
-            raise Refused("internal", str(malformed)) from None
+            raise Refused(RefusalCode.INTERNAL, str(malformed)) from None
         raise Refused(refusal.code, refusal.text)
 
     # -- presence ----------------------------------------------------------------------------------------------------

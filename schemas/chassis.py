@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -10,6 +10,8 @@ from pydantic import Field, model_validator
 from rackhand.schemas.base import Array, Message, Pose2, Stamp, Twist2, Vec2, Vec3
 
 ControlMode = Literal["auto", "manual", "remote"]
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
 
 
 class Odometry(Message):
@@ -93,13 +95,78 @@ class ChassisCommand(Message):
     jack: Literal["hold", "up", "down"] = "hold"
 
 
-class ChassisModel(Message):
-    """The body that must not touch anything: a convex polygon in the chassis frame (x forward), counter-clockwise."""
+class ChassisLimits(Message):
+    """What may be commanded of a chassis: speeds in m/s and rad/s, accelerations in m/s² and rad/s². All are
+    magnitudes; ``reverse`` is 0 for a chassis that must not drive backward.
+    """
 
-    profile: str
+    forward: Positive
+    reverse: NonNegative
+    angular: Positive
+    acceleration: Positive
+    deceleration: Positive
+    angular_acceleration: Positive
+
+
+class Actuation(Message):
+    """How a chassis follows a command: a dead time, then a first-order lag, both in seconds."""
+
+    latency: NonNegative = 0.0
+    lag: Positive
+
+
+class LidarModel(Message):
+    """The 2-D lidar: ``pose`` in the chassis frame at ``height`` (m) above the floor, ``beams`` over ``view`` (rad),
+    ``rate`` in scans a second, ``range_max`` in metres, ``noise`` as 1σ of a range in metres.
+    """
+
+    pose: Pose2
+    height: Positive
+    beams: Annotated[int, Field(gt=1)]
+    view: Positive
+    rate: Positive
+    range_max: Positive
+    noise: NonNegative
+
+
+class JackModel(Message):
+    """The jack: ``stroke`` in metres, ``duration`` of a whole stroke in seconds, ``max_load`` in kg."""
+
+    stroke: Positive
+    duration: Positive
+    max_load: Positive
+
+
+class ChassisModel(Message):
+    """What a chassis is, as its driver describes it: latched, published once and again when it changes.
+
+    ``footprint`` is the outline that must not touch anything: a convex polygon, rows x, y in metres, counter-clockwise
+    in the chassis frame (x forward, origin on the floor midway between the driven wheels). ``height`` in metres, with
+    the jack down. ``charge_contact``: the side that docks at a charger.
+    """
+
+    VERSION: ClassVar[int] = 2
+
+    name: str
     footprint: Annotated[np.ndarray, Array("<f8", (-1, 2))]
-    wheel_separation: float
-    wheel_radius: float
+    height: Positive
+    wheel_separation: Positive
+    wheel_radius: Positive
+    limits: ChassisLimits
+    actuation: Actuation
+    lidar: LidarModel
+    jack: JackModel | None = None
+    charge_contact: Literal["none", "front", "back"] = "none"
+
+    @property
+    def width(self) -> float:
+        """Extent from side to side in metres."""
+        return float(np.ptp(self.footprint[:, 1])) if len(self.footprint) else 0.0
+
+    @property
+    def thickness(self) -> float:
+        """Extent from back to front in metres; the chassis API calls it so."""
+        return float(np.ptp(self.footprint[:, 0])) if len(self.footprint) else 0.0
 
 
 class Costmap(Message):
@@ -181,13 +248,3 @@ class Done(Message):
     """The answer to a request that has nothing more to tell."""
 
     detail: str = ""
-
-
-class Refusal(Message):
-    """Why a request was refused: the one error body of every query on the bus.
-
-    ``code``: ``not_found``, ``invalid``, ``precondition``, ``malformed``, ``unavailable``, ``timeout`` or ``internal``.
-    """
-
-    code: str
-    text: str

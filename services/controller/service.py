@@ -8,6 +8,7 @@ from rackhand.bus.log import get_logger
 from rackhand.runtime.driver_link import DriverLink
 from rackhand.schemas import topics
 from rackhand.schemas.motion import ArmCommand, ArmState, CrfAnswer, MotionStream
+from rackhand.schemas.refusal import RefusalCode
 from rackhand.schemas.service import WORLD, ServiceId
 from rackhand.schemas.world import Join, WorldRequest
 from rackhand.services.controller.access.audit_writer import AuditWriter
@@ -96,7 +97,7 @@ class ControllerService:
         except Exception as error:
             self._log_once(error)
             if isinstance(event, Request):
-                event.refuse("internal", "the controller failed to answer; its log says more")
+                event.refuse(RefusalCode.INTERNAL, "the controller failed to answer; its log says more")
         self._publish()
 
     # -- the loop -----------------------------------------------------------------------------------------------------

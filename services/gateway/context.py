@@ -11,6 +11,7 @@ from starlette.requests import HTTPConnection
 from rackhand.bus import Refused
 from rackhand.schemas.base import Message
 from rackhand.schemas.codec import MalformedMessage, codec_for
+from rackhand.schemas.refusal import RefusalCode
 from rackhand.schemas.topics import Query
 from rackhand.services.gateway.crf.hub import MotionHub
 from rackhand.services.gateway.http.errors import BadRequest
@@ -41,7 +42,7 @@ class Context:
     def chassis(self) -> str:
         """The robot's name. Raises ``Refused`` (404) where this gateway serves arms only."""
         if not self.settings.robot:
-            raise Refused("not_found", "this gateway serves no chassis")
+            raise Refused(RefusalCode.NOT_FOUND, "this gateway serves no chassis")
         return self.settings.robot
 
     async def ask(self, query: Query[Q, R], request: Q) -> R:

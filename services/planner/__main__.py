@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +22,7 @@ from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import RemoteLimits
 from rackhand.services.planner.moves.records import HISTORY_LIMIT, MoveStore
 from rackhand.services.planner.service import PlannerService
-from rackhand.services.planner.settings import NavigationSettings
+from rackhand.services.planner.settings import NavigationSettings, SpeedCaps
 
 log = get_logger(__name__)
 
@@ -54,22 +54,26 @@ def main(
         Path | None, typer.Option(help="SQLite file of moves and maps  [default: var/ROBOT/planner.sqlite]")
     ] = None,
     history: Annotated[int, typer.Option(min=1, help="how many moves are kept")] = HISTORY_LIMIT,
-    max_forward_velocity: Annotated[float, typer.Option(min=0.05, max=2.0, help="m/s")] = 1.2,
-    max_angular_velocity: Annotated[float, typer.Option(min=0.05, max=3.0, help="rad/s")] = 1.2,
+    max_forward_velocity: Annotated[
+        float | None, typer.Option(min=0.05, help="m/s, at most what the chassis can  [default: what it can]")
+    ] = None,
+    max_angular_velocity: Annotated[
+        float | None, typer.Option(min=0.05, help="rad/s, at most what the chassis can  [default: what it can]")
+    ] = None,
     remote_max_forward_velocity: Annotated[float, typer.Option(min=0.0, max=2.0, help="m/s in remote mode")] = 0.8,
 ) -> None:
     configure_logging("planner")
     set_niceness(PLANNER)
-    navigation = NavigationSettings()
-    limits = navigation.control._replace(
-        max_forward_velocity=max_forward_velocity, max_angular_velocity=max_angular_velocity
+    caps = SpeedCaps(max_forward_velocity or math.inf, max_angular_velocity or math.inf)
+    remote = RemoteLimits(
+        max_forward_velocity=remote_max_forward_velocity,
+        max_angular_velocity=min(RemoteLimits.max_angular_velocity, caps.max_angular_velocity),
     )
-    remote = RemoteLimits(max_forward_velocity=remote_max_forward_velocity, max_angular_velocity=max_angular_velocity)
     path = store or Path("var") / robot / "planner.sqlite"
     try:
         with Database(path, robot) as database:
             moves, maps = _open(database, history, map_directory)
-            navigator = ChassisNavigator(replace(navigation, control=limits))
+            navigator = ChassisNavigator(NavigationSettings(caps=caps))
             navigator.warm_up()
             chassis = Chassis(navigator, moves, maps, ChassisSettings(remote=remote))
             with Bus(ServiceId("planner", robot)) as bus:

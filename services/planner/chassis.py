@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from rackhand.schemas.base import NANOSECONDS, Message, Pose2, Twist2
 from rackhand.schemas.chassis import (
     ChassisCommand,
@@ -34,17 +32,19 @@ from rackhand.schemas.moves import (
     MoveRequest,
     PlanningState,
 )
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.alerts import active_alerts
-from rackhand.services.planner.behaviors.interface import STANDSTILL, MoveFailed, Navigator, Observation, Progress
+from rackhand.services.planner.behaviors.interface import Navigator, Progress
 from rackhand.services.planner.behaviors.runner import PATIENCE_NS, MoveRunner
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import JackOrders
 from rackhand.services.planner.map.service import MapService
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteLimits, ramp
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
-from rackhand.services.planner.perception.chassis_state import ChassisState
+from rackhand.services.planner.perception.chassis_state import ChassisState, Observation
 from rackhand.services.planner.reports import Publication, Reports
 
 PERIOD_NS = 40_000_000  # between commands
@@ -98,8 +98,8 @@ class Chassis:
 
     def on_message(self, message: Message) -> None:
         """A measurement of the driver or the localiser."""
-        if isinstance(message, ChassisModel) and not self._same_body(message):
-            self._navigator.set_footprint(message.footprint)
+        if isinstance(message, ChassisModel) and not self._is_known(message):
+            self._navigator.set_model(message)
         self._sensed.take(message)
         match message:
             case Contacts(emergency_stop_button=pressed):
@@ -107,9 +107,9 @@ class Chassis:
             case Odometry(stamp=stamp):
                 self._stamp = stamp
 
-    def _same_body(self, model: ChassisModel) -> bool:
+    def _is_known(self, model: ChassisModel) -> bool:
         known = self._sensed.model
-        return known is not None and np.array_equal(known.footprint, model.footprint)
+        return known is not None and known.model_dump() == model.model_dump()
 
     def on_clock(self, clock: Clock) -> None:
         self._unix_ns, self._stamp = clock.unix_ns, clock.stamp
@@ -250,9 +250,9 @@ class Chassis:
 
     def _create(self, wanted: MoveCreate) -> None:
         if not self.driver_alive:
-            raise RequestRefused("unavailable", "the chassis' driver is not there")
+            raise RequestRefused(RefusalCode.UNAVAILABLE, "the chassis' driver is not there")
         if (direction := self._jacking()) is not None:
-            raise RequestRefused("precondition", f"the jack is going {direction}; wait until it has arrived")
+            raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is going {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
         self._runner.begin(wanted)
         self._progress, self._distance, self._target = None, 0.0, _asked(wanted)
@@ -286,15 +286,15 @@ class Chassis:
                     detail = "the emergency-stop button is still pressed"
             case RemoteTwist(twist=twist):
                 if self._sensed.power_cable:
-                    raise RequestRefused("precondition", "a power cable is plugged into the chassis")
+                    raise RequestRefused(RefusalCode.PRECONDITION, "a power cable is plugged into the chassis")
                 self._modes.take_remote_twist(twist, self._stamp)
             case JackRequest(direction=direction):
                 if self._book.current is not None:
                     raise RequestRefused(
-                        "precondition", f"move {self._book.current.id} runs; the jack waits for its end"
+                        RefusalCode.PRECONDITION, f"move {self._book.current.id} runs; the jack waits for its end"
                     )
                 if self._modes.emergency_stop:
-                    raise RequestRefused("precondition", "the emergency stop is on")
+                    raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
                 detail = self._jack.request(direction, self._sensed.jack)
             case SetPose():
                 detail = self._set_pose()
@@ -304,7 +304,7 @@ class Chassis:
     def _set_pose(self) -> str:
         """Clients give a first guess after they set a map. The localiser of this version finds the pose by itself."""
         if (trouble := self._sensed.pose_trouble()) is not None:
-            raise RequestRefused("unavailable", f"there is no localiser to be told: {trouble}")
+            raise RequestRefused(RefusalCode.UNAVAILABLE, f"there is no localiser to be told: {trouble}")
         return "not needed: the localiser knows the pose"
 
     def _jacking(self) -> str | None:
@@ -316,7 +316,9 @@ class Chassis:
     def _now(self) -> int:
         """Unix seconds by the messages' clock; without it nothing can be dated."""
         if self._unix_ns is None:
-            raise RequestRefused("unavailable", "the clock has not been heard: the chassis' driver is not there")
+            raise RequestRefused(
+                RefusalCode.UNAVAILABLE, "the clock has not been heard: the chassis' driver is not there"
+            )
         return (self._unix_ns + self._stamp) // NANOSECONDS
 
     # -- ends and reports --------------------------------------------------------------------------------------------

@@ -1,14 +1,16 @@
-"""What goes wrong outside a move: requests that are refused, and a store that cannot be used."""
+"""Moves that fail, and a store that cannot be used; refused requests are ``schemas.refusal.RequestRefused``."""
 
 from __future__ import annotations
 
+from rackhand.schemas.fail_reasons import MoveFailReason
 
-class RequestRefused(Exception):
-    """A request that is not carried out. ``code`` is one of ``rackhand.schemas.chassis.Refusal``; the text says why."""
 
-    def __init__(self, code: str, text: str) -> None:
-        super().__init__(f"{code}: {text}")
-        self.code = code
+class MoveFailed(Exception):
+    """A move cannot go on: the reason clients get as a number, and the text that says what, where and by how much."""
+
+    def __init__(self, reason: MoveFailReason, text: str) -> None:
+        super().__init__(f"{reason.rest_name}: {text}")
+        self.reason = reason
         self.text = text
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.chassis import Jack
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 
 Direction = Literal["up", "down"]
 REACHED = 0.001
@@ -34,7 +34,7 @@ class JackOrders:
     def request(self, direction: Direction, jack: Jack | None) -> str:
         """Take an order, in place of one still under way. Returns what will happen; ``RequestRefused`` if it cannot."""
         if jack is None:
-            raise RequestRefused("precondition", "this chassis reports no jack")
+            raise RequestRefused(RefusalCode.PRECONDITION, "this chassis reports no jack")
         self.failed = None
         if _arrived(direction, jack):
             self._order = None

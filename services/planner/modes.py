@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from rackhand.schemas.base import NANOSECONDS, Twist2
 from rackhand.schemas.chassis import ControlMode
-from rackhand.services.planner.behaviors.interface import STANDSTILL
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,13 @@ class Modes:
             self._remote = None
 
     def take_remote_twist(self, twist: Twist2, stamp: int) -> None:
-        """Follow this twist from ``stamp`` on, within the limits. Raises ``RequestRefused('precondition')``."""
+        """Follow this twist from ``stamp`` on, within the limits. Raises ``RequestRefused`` (precondition)."""
         if self.control_mode != "remote":
-            raise RequestRefused("precondition", f"control mode is {self.control_mode}; remote driving needs remote")
+            raise RequestRefused(
+                RefusalCode.PRECONDITION, f"control mode is {self.control_mode}; remote driving needs remote"
+            )
         if self.emergency_stop:
-            raise RequestRefused("precondition", "the emergency stop is on")
+            raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
         limits = self.limits
         within = Twist2(
             linear=min(max(twist.linear, -limits.max_backward_velocity), limits.max_forward_velocity),

@@ -12,11 +12,11 @@ from rackhand.runtime.driver_link import DriverLink
 from rackhand.schemas import topics
 from rackhand.schemas.base import Message
 from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import WORLD, ServiceId
 from rackhand.schemas.topics import Query, Topic
 from rackhand.schemas.world import Join, WorldRequest
 from rackhand.services.planner.chassis import PERIOD_NS, Chassis
-from rackhand.services.planner.errors import RequestRefused
 
 log = get_logger(__name__)
 
@@ -103,7 +103,7 @@ class PlannerService:
         except Exception as error:
             self._log_once(error)
             if isinstance(event, Request):
-                event.refuse("internal", "the planner failed to answer; its log says more")
+                event.refuse(RefusalCode.INTERNAL, "the planner failed to answer; its log says more")
         self._publish()
 
     # -- what is heard -----------------------------------------------------------------------------------------------
@@ -127,7 +127,7 @@ class PlannerService:
         if self._link.alive != self._chassis.driver_alive:
             self._chassis.set_driver_alive(self._link.alive)
 
-    def _serve(self, request: Request) -> None:
+    def _serve(self, request: Request[Any, Any]) -> None:
         """What a request caused is told before it is answered: who acts on the answer finds it so."""
         try:
             reply = self._answers[request.query](request.message)

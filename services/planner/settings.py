@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
+
+from rackhand.schemas.chassis import Actuation, ChassisModel
 
 
 class Limits(NamedTuple):
@@ -21,11 +24,11 @@ class Limits(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Actuation:
-    """How the chassis follows a command: a dead time, then a first-order lag, both in seconds."""
+class SpeedCaps:
+    """What the operator allows at most, whatever the chassis could do: m/s and rad/s."""
 
-    latency: float = 0.04
-    lag: float = 0.1
+    max_forward_velocity: float = math.inf
+    max_angular_velocity: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,8 @@ class NavigationSettings:
     """Distances in metres, angles in radians, times in seconds of simulation time."""
 
     control: Limits = field(default_factory=Limits)
-    actuation: Actuation = field(default_factory=Actuation)
+    caps: SpeedCaps = field(default_factory=SpeedCaps)
+    actuation: Actuation = field(default_factory=lambda: Actuation(latency=0.04, lag=0.1))
     noise: PoseNoise = field(default_factory=PoseNoise)
     mppi: MppiSettings = field(default_factory=MppiSettings)
 
@@ -167,3 +171,16 @@ class NavigationSettings:
     planning_timeout: float = 60.0
     move_timeout: float = 60.0
     rotate_timeout: float = 30.0
+
+    def for_chassis(self, model: ChassisModel) -> NavigationSettings:
+        """These settings with the limits and the actuation of a chassis, within ``caps``."""
+        limits = model.limits
+        control = Limits(
+            max_forward_velocity=min(limits.forward, self.caps.max_forward_velocity),
+            max_backward_velocity=-min(limits.reverse, self.caps.max_forward_velocity),
+            max_forward_acc=limits.acceleration,
+            max_forward_decel=-limits.deceleration,
+            max_angular_velocity=min(limits.angular, self.caps.max_angular_velocity),
+            max_angular_acc=limits.angular_acceleration,
+        )
+        return replace(self, control=control, actuation=model.actuation)

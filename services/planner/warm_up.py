@@ -12,12 +12,15 @@ from PIL import Image
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.chassis import Scan
 from rackhand.schemas.maps import MapData
-from rackhand.services.planner.behaviors.interface import STANDSTILL, Goal, Navigator, Observation
+from rackhand.services.planner.behaviors.interface import Navigator
 from rackhand.services.planner.control.dynamic_avoidance import least_gap
 from rackhand.services.planner.control.mppi import CostField, Mppi
 from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.map.grid import load_map
+from rackhand.services.planner.perception.chassis_state import Observation
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
+from rackhand.services.planner.planning.goals import Goal
 from rackhand.services.planner.planning.plan import GlobalPlanner, Target
 from rackhand.services.planner.settings import NavigationSettings
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.motion import ArmCommand
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import ServiceId
 from rackhand.schemas.world import (
     Advance,
@@ -24,10 +25,10 @@ from rackhand.schemas.world import (
     WorldReply,
     WorldRequest,
 )
-from rackhand.services.sim.errors import RequestRefused, unknown
+from rackhand.services.sim.errors import unknown
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.simulation import Simulation
-from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS
+from rackhand.worlds.world_model import CONTROL_STEP_NS
 
 # Whose commands a participant's answers are: one service commands a chassis, another an arm.
 CHASSIS_COMMANDER, ARM_COMMANDER = "planner", "controller"
@@ -152,16 +153,17 @@ class Session:
         instant = simulation.control_step_ns if is_arm else CONTROL_STEP_NS
         if join.period_ns % instant:
             raise RequestRefused(
-                "invalid", f"period {join.period_ns} ns is not a multiple of the control instant of {instant} ns"
+                RefusalCode.INVALID,
+                f"period {join.period_ns} ns is not a multiple of the control instant of {instant} ns",
             )
         self.pacer.join(ServiceId(join.service, join.robot), join.period_ns, self.simulation.stamp)
         self.changes.instant = True  # it may have come after this instant was told
 
     def _advance(self, duration_ns: int) -> None:
         if not self.pacer.paused:
-            raise RequestRefused("precondition", "the world runs; pause it before advancing it")
+            raise RequestRefused(RefusalCode.PRECONDITION, "the world runs; pause it before advancing it")
         if self.pacer.until is not None:
-            raise RequestRefused("precondition", f"the world is on its way to stamp {self.pacer.until}")
+            raise RequestRefused(RefusalCode.PRECONDITION, f"the world is on its way to stamp {self.pacer.until}")
         instant = self.simulation.control_step_ns
         self.pacer.advance(self.simulation.stamp + -(-duration_ns // instant) * instant)
         self.changes.clock = True

@@ -15,22 +15,24 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import ChassisCommand, LocalisedPose, Odometry, Scan
 from rackhand.schemas.motion import ArmCommand, ArmModel, ArmState
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import WORLD
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, Place, Scene
 from rackhand.services.sim.actors.obstacles import PERSON_SIZE, Obstacles
 from rackhand.services.sim.actors.walkers import Walker, is_in_way, make_route
 from rackhand.services.sim.arm.arm import Arm
-from rackhand.services.sim.arm.kinds import load_arm_kinds
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.chassis.profiles import Profile
 from rackhand.services.sim.chassis.robot import Robot, hull_touches
-from rackhand.services.sim.errors import PhysicsError, RequestRefused, WorldFileError, unknown
+from rackhand.services.sim.errors import PhysicsError, unknown
 from rackhand.services.sim.mjcf.layers import ARM_BIT, ITEM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
 from rackhand.services.sim.mjcf.scene import build_model
 from rackhand.services.sim.world import scenery
 from rackhand.services.sim.world.contact_log import ContactLedger
-from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS, Mover, PoseTuple, Walk, World
+from rackhand.worlds.arm_model import load_arm_descriptions
+from rackhand.worlds.chassis_model import ChassisProfile
+from rackhand.worlds.data import PoseTuple, WorldFileError
+from rackhand.worlds.world_model import CONTROL_STEP_NS, Mover, Walk, World
 
 SETTLING_INSTANTS = 15
 FARTHEST = 1000.0
@@ -59,10 +61,12 @@ class Simulation:
     again.
     """
 
-    def __init__(self, world: World, profiles: Mapping[str, Profile], seed: int, noise: NoiseSettings = NOISE) -> None:
+    def __init__(
+        self, world: World, profiles: Mapping[str, ChassisProfile], seed: int, noise: NoiseSettings = NOISE
+    ) -> None:
         self.world, self.seed = world, seed
         self.control_step_ns = world.control_step_ns
-        kinds = load_arm_kinds(world)
+        kinds = load_arm_descriptions(world)
         self.model = build_model(world, profiles, kinds)
         self.data = mujoco.MjData(self.model)
         self.obstacles = Obstacles(self.model, self.data)
@@ -137,7 +141,7 @@ class Simulation:
             try:
                 route = make_route([(p.x, p.y) for p in (place.pose, *place.walk)], place.speed)
             except ValueError as error:
-                raise RequestRefused("invalid", str(error)) from None
+                raise RequestRefused(RefusalCode.INVALID, str(error)) from None
             walker = Walker(route)
         former = self.obstacles.placed.get(place.name)
         placed = self.obstacles.place(place.name, place.kind, size, _tuple(place.pose), walker)
@@ -149,7 +153,7 @@ class Simulation:
             if former is not None:
                 self.obstacles.place(place.name, former.kind, former.size, former.pose, former.walker)
             self._kinematics()
-            raise RequestRefused("invalid", f"{place.name!r} would stand in {self._owner(touched)}")
+            raise RequestRefused(RefusalCode.INVALID, f"{place.name!r} would stand in {self._owner(touched)}")
 
     def remove(self, name: str) -> None:
         """Raises ``RequestRefused``."""
@@ -167,7 +171,7 @@ class Simulation:
         if touched is not None:
             self.data.qpos[:] = before
             self._kinematics()
-            raise RequestRefused("invalid", f"{move.robot} would stand in {touched!r}")
+            raise RequestRefused(RefusalCode.INVALID, f"{move.robot} would stand in {touched!r}")
         robot.rest(self._controls)
 
     def inject(self, fault: InjectFault) -> None:
@@ -320,7 +324,7 @@ class Simulation:
         self._kinematics()
         for name, robot in self.robots.items():
             if (touched := self._touched(robot)) is not None:
-                raise RequestRefused("invalid", f"robots.{name}.pose: it would stand in {touched!r}")
+                raise RequestRefused(RefusalCode.INVALID, f"robots.{name}.pose: it would stand in {touched!r}")
 
     def _move_walkers(self, dt: float) -> None:
         robots = [(r.pose, r.profile.body.size[0] / 2, r.profile.body.size[1] / 2) for r in self.robots.values()]
@@ -345,10 +349,10 @@ class Simulation:
 
     def _check_name(self, name: str) -> None:
         if not re.fullmatch(r"[\w.-]{1,60}", name):
-            raise RequestRefused("invalid", f"name {name!r}: want 1 … 60 letters, digits, '_', '-' or '.'")
+            raise RequestRefused(RefusalCode.INVALID, f"name {name!r}: want 1 … 60 letters, digits, '_', '-' or '.'")
         world = self.world
         if name in {*self.robots, *self.arms, *world.racks, *world.items, *world.statics, *world.chargers}:
-            raise RequestRefused("invalid", f"{name!r} is the name of something else in this world")
+            raise RequestRefused(RefusalCode.INVALID, f"{name!r} is the name of something else in this world")
 
     def _robot(self, name: str) -> Robot:
         if name not in self.robots:
@@ -384,7 +388,7 @@ def _start_of(mover: Mover) -> tuple[PoseTuple, Walker | None]:
 def check_pose(pose: Pose2) -> None:
     """Raises ``RequestRefused`` for a place so far off that lengths lose their meaning."""
     if max(abs(pose.x), abs(pose.y)) > FARTHEST or abs(pose.yaw) > FARTHEST:
-        raise RequestRefused("invalid", f"pose {_tuple(pose)}: want x, y and yaw within ±{FARTHEST:g}")
+        raise RequestRefused(RefusalCode.INVALID, f"pose {_tuple(pose)}: want x, y and yaw within ±{FARTHEST:g}")
 
 
 def _tuple(pose: Pose2) -> PoseTuple:

@@ -9,6 +9,7 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import Twist2
 from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.moves import MoveReply, PlanningState
+from rackhand.schemas.refusal import RefusalCode
 from rackhand.schemas.service import ServiceId
 
 ME = ServiceId("planner", "amr1")
@@ -29,7 +30,7 @@ def serve(bus: Bus) -> None:
                 case "list":
                     event.reply(MoveReply(moves=()))
                 case "get":
-                    event.refuse("not_found", "no such move")
+                    event.refuse(RefusalCode.NOT_FOUND, "no such move")
                 case "create":
                     del event  # forgets to answer
                 case _:

@@ -21,6 +21,7 @@ from rackhand.schemas.maps import (
     UseMapData,
 )
 from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveReply, MoveRequest
+from rackhand.schemas.refusal import RefusalCode
 
 NOW = 1_746_684_372
 TARGET_MISSING = "(target_x target_y) or target_ori must be provided"
@@ -67,7 +68,7 @@ class FakeBus:
         match request:
             case CreateMove(move=wanted):
                 if wanted.target_x is None and wanted.target_ori is None and wanted.type != "follow_target":
-                    raise Refused("invalid", TARGET_MISSING)
+                    raise Refused(RefusalCode.INVALID, TARGET_MISSING)
                 if running is not None:
                     self.end(running.id, state="cancelled")
                 move = Move(
@@ -86,11 +87,11 @@ class FakeBus:
                 move_or_none = running if move_id is None else self.moves.get(move_id)
                 if move_or_none is None:
                     raise Refused(
-                        "not_found", "no move is active" if move_id is None else f"there is no move {move_id}"
+                        RefusalCode.NOT_FOUND, "no move is active" if move_id is None else f"there is no move {move_id}"
                     )
                 if isinstance(request, CancelMove):
                     if move_or_none.state != "moving":
-                        raise Refused("precondition", f"move {move_or_none.id} is {move_or_none.state}")
+                        raise Refused(RefusalCode.PRECONDITION, f"move {move_or_none.id} is {move_or_none.state}")
                     self.end(move_or_none.id, state="cancelled")
                 return [self.moves[move_or_none.id]]
         raise AssertionError(request)
@@ -99,7 +100,7 @@ class FakeBus:
         if isinstance(request, SetControlMode):
             self.control_mode = request.control_mode
         if request.op == "remote_twist" and self.control_mode != "remote":
-            raise Refused("precondition", f"control mode is {self.control_mode}; remote driving needs remote")
+            raise Refused(RefusalCode.PRECONDITION, f"control mode is {self.control_mode}; remote driving needs remote")
         return Done()
 
     def _maps(self, request: Any) -> MapReply:
@@ -110,7 +111,7 @@ class FakeBus:
                 return MapReply(maps=(summary(self._store(request)),))
             case GetMap(id=None):
                 if self.current_map is None:
-                    raise Refused("not_found", "no map is in use")
+                    raise Refused(RefusalCode.NOT_FOUND, "no map is in use")
                 return MapReply(data=self.current_map)
             case GetMap(id=map_id):
                 return MapReply(data=self._find(map_id))
@@ -129,7 +130,7 @@ class FakeBus:
             case SelectMap(id=map_id, uid=uid):
                 found = [data for data in self.maps.values() if data.id == map_id or data.uid == uid]
                 if not found:
-                    raise Refused("not_found", f"there is no map {map_id if uid is None else uid}")
+                    raise Refused(RefusalCode.NOT_FOUND, f"there is no map {map_id if uid is None else uid}")
                 self.current_map = found[0]
                 return MapReply(maps=(summary(found[0]),))
             case UseMapData(map=created):
@@ -139,7 +140,7 @@ class FakeBus:
 
     def _find(self, map_id: int | None) -> MapData:
         if map_id not in self.maps:
-            raise Refused("not_found", f"there is no map {map_id}")
+            raise Refused(RefusalCode.NOT_FOUND, f"there is no map {map_id}")
         return self.maps[map_id]
 
     def _store(self, created: CreateMap) -> MapData:

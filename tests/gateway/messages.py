@@ -12,6 +12,7 @@ from rackhand.schemas.chassis import Battery, ChassisModel, ChassisStatus, Jack,
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import PlannedPath, PlanningState
 from rackhand.schemas.world import Clock
+from tests.chassis_models import chassis_model
 from tests.gateway.harness import grey_png
 
 SECOND = 1_000_000_000
@@ -84,8 +85,8 @@ def jack(state: Any = "hold", progress: float = 0.0, stamp: int = 0) -> Jack:
 
 def model() -> ChassisModel:
     """0.6 m long (0.4 m of it in front), 0.4 m wide."""
-    corners = np.array([[-0.2, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.2, 0.2]])
-    return ChassisModel(profile="longjack", footprint=corners, wheel_separation=0.35, wheel_radius=0.08)
+    corners = [[-0.2, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.2, 0.2]]
+    return chassis_model(corners, wheel_separation=0.35, wheel_radius=0.08)
 
 
 def path(stamp: int = 0) -> PlannedPath:

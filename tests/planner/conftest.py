@@ -8,6 +8,7 @@ import pytest
 
 from rackhand.services.planner.behaviors.navigator import ChassisNavigator
 from rackhand.services.planner.settings import NavigationSettings
+from tests.chassis_models import chassis_model
 from tests.planner.fakes import Cell
 from tests.planner.plant import BODY, Hall, Plant, Walker, box, idle
 
@@ -52,7 +53,7 @@ def begin() -> Callable[..., tuple[ChassisNavigator, Plant]]:
         plant.crates = list(crates)
         plant.walkers = list(walkers)
         navigator.set_map(plant.hall.map())
-        navigator.set_footprint(BODY)
+        navigator.set_model(chassis_model(BODY))
         idle(navigator, plant, 0.4)
         return navigator, plant
 

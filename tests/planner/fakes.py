@@ -28,11 +28,15 @@ from rackhand.schemas.maps import CreateMap, MapData, MapReply, MapRequest
 from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, Move, MoveCreate, MoveRequest, PlanningState
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import Clock
-from rackhand.services.planner.behaviors.interface import STANDSTILL, Goal, Observation, Progress
+from rackhand.services.planner.behaviors.interface import Progress
 from rackhand.services.planner.chassis import Chassis, ChassisSettings
 from rackhand.services.planner.database import Database
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.moves.records import MoveStore
+from rackhand.services.planner.perception.chassis_state import Observation
+from rackhand.services.planner.planning.goals import Goal
+from tests.chassis_models import chassis_model
 
 STEP = 40_000_000
 UNIX_NS = 1_700_000_000 * NANOSECONDS
@@ -54,7 +58,7 @@ class ScriptedNavigator:
         self.maps: list[Exception | None] = []
         self.observed = 0
         self.observing: Exception | None = None
-        self.footprint: Any = None
+        self.model: ChassisModel | None = None
 
     def set_map(self, data: MapData | None) -> None:
         if self.maps and (error := self.maps.pop(0)) is not None:
@@ -62,8 +66,8 @@ class ScriptedNavigator:
             raise error
         self.map = data
 
-    def set_footprint(self, footprint: Any) -> None:
-        self.footprint = footprint
+    def set_model(self, model: ChassisModel) -> None:
+        self.model = model
 
     def reset(self) -> None:
         self.goal = None
@@ -143,10 +147,7 @@ class Cell:
         if self.with_map and self.maps.current is None:
             self.maps.use(self.maps.create(a_map(), 0))
         self.chassis = Chassis(self.navigator, self.moves, self.maps, self.settings)
-        footprint = np.array([[0.4, 0.2], [-0.4, 0.2], [-0.4, -0.2], [0.4, -0.2]])
-        self.chassis.on_message(
-            ChassisModel(profile="longjack", footprint=footprint, wheel_separation=0.4, wheel_radius=0.08)
-        )
+        self.chassis.on_message(chassis_model())
         self.chassis.set_driver_alive(True)
         self.sense()
 

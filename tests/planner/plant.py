@@ -17,8 +17,10 @@ from PIL import Image, ImageDraw
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.chassis import Scan
 from rackhand.schemas.maps import MapData
-from rackhand.services.planner.behaviors.interface import Goal, Observation, Progress
+from rackhand.services.planner.behaviors.interface import Progress
 from rackhand.services.planner.behaviors.navigator import ChassisNavigator
+from rackhand.services.planner.perception.chassis_state import Observation
+from rackhand.services.planner.planning.goals import Goal
 
 Array = NDArray[np.float64]
 TICK = 40_000_000

@@ -18,8 +18,9 @@ from rackhand.schemas.chassis import (
     SetPose,
 )
 from rackhand.schemas.fail_reasons import MoveFailReason
-from rackhand.services.planner.behaviors.interface import STANDSTILL, MoveFailed
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.schemas.refusal import RequestRefused
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import TIME_LIMIT_NS
 from tests.planner.fakes import FORWARD, STEP, Cell
 

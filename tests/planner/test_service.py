@@ -15,7 +15,7 @@ from rackhand.schemas.base import Message, Pose2
 from rackhand.schemas.chassis import ChassisRequest, LocalisedPose, Odometry, SetControlMode
 from rackhand.schemas.moves import CreateMove, GetMove, MoveCreate, MoveRequest
 from rackhand.schemas.service import ServiceId
-from rackhand.services.planner.behaviors.interface import STANDSTILL
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.service import PlannerService
 from tests.planner.fakes import FORWARD, Cell
 

@@ -11,7 +11,7 @@ import importlib, pkgutil
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 import rackhand.services.planner as planner
-from rackhand.services.planner.behaviors.interface import Goal
+from rackhand.services.planner.planning.goals import Goal
 from rackhand.services.planner.behaviors.navigator import ChassisNavigator
 from tests.planner.plant import Hall, Plant, Walker, box, run
 

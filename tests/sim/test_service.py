@@ -20,7 +20,7 @@ from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.service import SimService
 from rackhand.services.sim.session import Run, Session
 from rackhand.services.sim.simulation import CONTROL_STEP_NS
-from rackhand.services.sim.world.worldfile import World
+from rackhand.worlds.world_model import World
 from tests.bus.conftest import free_port
 from tests.sim.helpers import make_simulation, make_world
 
@@ -158,7 +158,7 @@ def test_models_and_scene_are_there_for_who_comes_late(start: Any) -> None:
         event = late.get(timeout=20)
         assert isinstance(event, Sample), "nothing is latched"
         messages[event.topic.name] = event.message
-    assert messages[topics.CHASSIS_MODEL.name].profile == "longjack"
+    assert messages[topics.CHASSIS_MODEL.name].name == "longjack"
 
 
 def test_an_advance_that_is_cut_short_is_refused(start: Any) -> None:

@@ -11,8 +11,8 @@ from rackhand.schemas import world as asked
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.motion import ArmCommand, FencingToken
+from rackhand.schemas.refusal import RequestRefused
 from rackhand.schemas.service import ServiceId
-from rackhand.services.sim.errors import RequestRefused
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.session import Run, Session
 from rackhand.services.sim.simulation import CONTROL_STEP_NS

@@ -72,12 +72,12 @@ async def boot_progress(gateway: Gateway) -> BootProgress:
 
 
 def device_info_brief(state: State) -> dict[str, Any]:
-    profile = state.facts.model.profile if state.facts.model is not None else "unknown"
+    name = state.facts.model.name if state.facts.model is not None else "unknown"
     return {
         "rosversion": "",
         "rosdistro": "",
         "axbot_version": _version(),
-        "device": {"model": profile, "sn": state.robot, "name": state.robot},
+        "device": {"model": name, "sn": state.robot, "name": state.robot},
         "baseboard": {"firmware_version": _version()},
         "wheel_control": {"device_type": "differential", "firmware_version": _version()},
         "lidar": {"model": "2d"},

@@ -18,6 +18,7 @@ from rackhand.schemas import topics
 from rackhand.schemas.codec import MalformedMessage
 from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.motion import CrfAnswer, CrfCall, MotionEvent
+from rackhand.schemas.refusal import RefusalCode
 from rackhand.services.gateway.crf.text import Envelope, error_text, read_envelope, to_text, unreadable
 from rackhand.services.gateway.ws.broadcast import Outbox
 
@@ -170,7 +171,9 @@ class Session:
 
 def failure_code(error: BusError | MalformedMessage) -> CrfCode:
     """What the bus's refusals and silences are in CRF."""
-    if isinstance(error, MalformedMessage) or (isinstance(error, Refused) and error.code != "unavailable"):
+    if isinstance(error, MalformedMessage) or (
+        isinstance(error, Refused) and error.code is not RefusalCode.UNAVAILABLE
+    ):
         return CrfCode.InternalServerError
     return CrfCode.ServiceUnavailable
 

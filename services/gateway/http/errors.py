@@ -18,6 +18,7 @@ from starlette.exceptions import HTTPException
 from rackhand.bus import BusError, CallTimeout, Refused, Unavailable
 from rackhand.bus.log import get_logger
 from rackhand.schemas.codec import MalformedMessage
+from rackhand.schemas.refusal import RefusalCode
 
 log = get_logger(__name__)
 
@@ -67,13 +68,13 @@ def detail(status: int, text: str, headers: dict[str, str] | None = None) -> JSO
 def from_bus(error: BusError | MalformedMessage) -> JSONResponse:
     """What the bus's refusals and silences are in HTTP."""
     match error:
-        case Refused(code="not_found"):
+        case Refused(code=RefusalCode.NOT_FOUND):
             return detail(404, error.text)
-        case Refused(code="invalid" | "malformed"):
+        case Refused(code=RefusalCode.INVALID | RefusalCode.MALFORMED):
             return bad_request([error.text])
-        case Refused(code="precondition"):
+        case Refused(code=RefusalCode.PRECONDITION):
             return detail(400, error.text)
-        case Refused(code="unavailable" | "timeout"):
+        case Refused(code=RefusalCode.UNAVAILABLE | RefusalCode.TIMEOUT):
             return detail(503, error.text)
         case Refused():
             log.error("a service failed over a request", code=error.code, text=error.text)

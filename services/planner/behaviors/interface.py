@@ -3,53 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.schemas.base import Pose2, Twist2
-from rackhand.schemas.chassis import Costmap, Scan
-from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.base import Twist2
+from rackhand.schemas.chassis import ChassisModel, Costmap
 from rackhand.schemas.maps import MapData
 from rackhand.schemas.moves import StuckState
-
-
-class MoveFailed(Exception):
-    """A move cannot go on: the reason clients get as a number, and the text that says what, where and by how much."""
-
-    def __init__(self, reason: MoveFailReason, text: str) -> None:
-        super().__init__(f"{reason.rest_name}: {text}")
-        self.reason = reason
-        self.text = text
-
-
-@dataclass(frozen=True)
-class Goal:
-    """Where to be in the map. ``None`` for x, y: stay there and rotate; ``None`` for yaw: any heading.
-
-    ``accuracy`` in metres. ``zone``: done as soon as within ``accuracy``, without stopping at the point or rotating.
-    ``rotate_in_place``: turn without any linear velocity.
-    """
-
-    x: float | None = None
-    y: float | None = None
-    yaw: float | None = None
-    accuracy: float = 0.03
-    zone: bool = False
-    rotate_in_place: bool = False
-
-
-@dataclass(frozen=True)
-class Observation:
-    """What is known at one tick. Stamps in ns; the scan is the newest one (its own stamp may be older), or none yet."""
-
-    stamp: int
-    pose: Pose2
-    pose_stamp: int
-    odometry: Pose2
-    twist: Twist2
-    scan: Scan | None
+from rackhand.services.planner.perception.chassis_state import Observation
+from rackhand.services.planner.planning.goals import Goal
 
 
 @dataclass(frozen=True)
@@ -65,10 +29,6 @@ class Progress:
     viewport_blocked: bool = False
 
 
-STANDSTILL = Twist2(linear=0.0, angular=0.0)
-Phase = Literal["planning", "driving", "rotating", "done"]
-
-
 class Navigator(Protocol):
     """Drives one chassis to one goal at a time. Raises ``MoveFailed``; never publishes, never reads a clock."""
 
@@ -76,8 +36,8 @@ class Navigator(Protocol):
         """Use this map with its overlays (or none) from now on. Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that
         cannot be read. Forgets what was observed on the former one."""
 
-    def set_footprint(self, footprint: NDArray[np.float64]) -> None:
-        """The convex body polygon, (n, 2) metres in the chassis frame."""
+    def set_model(self, model: ChassisModel) -> None:
+        """Navigate this chassis from now on: its footprint, limits and actuation."""
 
     def reset(self) -> None:
         """Another run of the driver has begun: forget the goal and all that was measured."""

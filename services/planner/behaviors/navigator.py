@@ -34,13 +34,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rackhand.schemas.base import NANOSECONDS, Twist2
-from rackhand.schemas.chassis import Costmap
+from rackhand.schemas.chassis import ChassisModel, Costmap
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapData
-from rackhand.services.planner.behaviors.interface import STANDSTILL, Goal, MoveFailed, Observation, Progress
+from rackhand.services.planner.behaviors.interface import Progress
 from rackhand.services.planner.behaviors.run import PlanJob, Run
 from rackhand.services.planner.control import braking_guard as safety
 from rackhand.services.planner.control import driving
@@ -48,14 +47,16 @@ from rackhand.services.planner.control import speed_profile as profile
 from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
 from rackhand.services.planner.control.progress_checker import ProgressWatch
 from rackhand.services.planner.control.route import Route
+from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.geometry.se2 import Pose, wrap
+from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose, wrap
 from rackhand.services.planner.map.grid import load_map
+from rackhand.services.planner.perception.chassis_state import Observation
 from rackhand.services.planner.perception.costmap import cost_bytes
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.perception.pose_filter import PoseFilter
 from rackhand.services.planner.perception.scan_watchdog import ScanWatchdog
-from rackhand.services.planner.planning.goals import check_goal, check_start, is_there
+from rackhand.services.planner.planning.goals import Goal, check_goal, check_start, is_there
 from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Plan, Target
 from rackhand.services.planner.settings import NavigationSettings
 from rackhand.services.planner.warm_up import warm_up
@@ -77,7 +78,8 @@ class ChassisNavigator:
     """The ``Navigator`` of ``rackhand.services.planner.behaviors.interface``."""
 
     def __init__(self, settings: NavigationSettings | None = None) -> None:
-        self.settings = settings or NavigationSettings()
+        self._configured = settings or NavigationSettings()
+        self.settings = self._configured
         self._footprint = Footprint.of(np.array(LONGEJACK_BODY))
         self._around: LocalCostmap | None = None
         self._planner: GlobalPlanner | None = None
@@ -101,9 +103,11 @@ class ChassisNavigator:
             self._around = LocalCostmap(load_map(data, self.settings.slow_zone_velocity), self.settings)
             self._make_planner()
 
-    def set_footprint(self, footprint: NDArray[np.float64]) -> None:
-        """The convex body polygon, (n, 2) metres in the chassis frame, around its origin."""
-        self._footprint = Footprint.of(footprint)
+    def set_model(self, model: ChassisModel) -> None:
+        """Navigate this chassis from now on, within its limits."""
+        self.settings = self._configured.for_chassis(model)
+        self._give_way = DynamicAvoidance(self.settings)
+        self._footprint = Footprint.of(model.footprint)
         self._make_planner()
 
     def _make_planner(self) -> None:

@@ -9,7 +9,10 @@ from typing import Protocol
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import DEPRECATED_MOVE_TYPES, MoveCreate
-from rackhand.services.planner.behaviors.interface import Goal, MoveFailed, Navigator, Observation, Progress
+from rackhand.services.planner.behaviors.interface import Navigator, Progress
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.perception.chassis_state import Observation
+from rackhand.services.planner.planning.goals import Goal
 
 DEFAULT_ACCURACY = Goal.accuracy
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from rackhand.services.planner.behaviors.interface import Goal, Phase
-from rackhand.services.planner.control.progress_checker import ProgressWatch
+from rackhand.services.planner.control.progress_checker import Phase, ProgressWatch
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.planning.goals import Goal
 from rackhand.services.planner.planning.plan import NoPathFound, Search, Target
 
 

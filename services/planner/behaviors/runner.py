@@ -5,8 +5,11 @@ from __future__ import annotations
 from rackhand.schemas.base import NANOSECONDS, Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
-from rackhand.services.planner.behaviors.interface import STANDSTILL, MoveFailed, Navigator, Observation, Progress
+from rackhand.services.planner.behaviors.interface import Navigator, Progress
 from rackhand.services.planner.behaviors.procedures import Procedure, procedure_for
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.se2 import STANDSTILL
+from rackhand.services.planner.perception.chassis_state import Observation
 
 PATIENCE_NS = 10 * NANOSECONDS
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import StuckState
-from rackhand.services.planner.behaviors.interface import MoveFailed, Phase
+from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.settings import NavigationSettings
 
+Phase = Literal["planning", "driving", "rotating", "done"]
 GAIN = 0.05  # m or rad that count as getting on
 
 

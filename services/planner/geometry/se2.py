@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from rackhand.runtime.compiled import inlined
 from rackhand.schemas import planar
-from rackhand.schemas.base import Pose2
+from rackhand.schemas.base import Pose2, Twist2
 
 Pose = NDArray[np.float64]
+STANDSTILL = Twist2(linear=0.0, angular=0.0)
 
 wrap = inlined(planar.wrap)
 """``planar.wrap``, callable from compiled functions too."""

@@ -9,7 +9,7 @@ from typing import Any
 from PIL import Image, UnidentifiedImageError
 
 from rackhand.schemas.maps import CreateMap, Overlays
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.plain_json import json_error
 
 MAX_PIXELS = 50_000_000
@@ -18,7 +18,7 @@ _GEOMETRIES = {"Point": 0, "LineString": 1, "Polygon": 2}  # how many lists are 
 
 
 def check_map(created: CreateMap) -> None:
-    """Raises ``RequestRefused('invalid')`` saying what is wrong, where, and what was expected."""
+    """Raises ``RequestRefused`` (invalid) saying what is wrong, where, and what was expected."""
     low, high = RESOLUTION_RANGE
     if not low <= created.resolution <= high:
         raise _invalid("resolution", f"{created.resolution} m a cell, want {low} … {high}")
@@ -97,4 +97,4 @@ def _is_finite(number: Any) -> bool:
 
 
 def _invalid(where: str, what: str) -> RequestRefused:
-    return RequestRefused("invalid", f"{where}: {what}")
+    return RequestRefused(RefusalCode.INVALID, f"{where}: {what}")

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from rackhand.schemas.codec import MalformedMessage, codec_for, explain
 from rackhand.schemas.maps import CreateMap
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.map.check import check_map
 
 

@@ -14,7 +14,7 @@ from PIL import Image, UnidentifiedImageError
 
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapData
-from rackhand.services.planner.behaviors.interface import MoveFailed
+from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.cells import Geometry as Geometry
 
 # Grey values as map servers write them: free 254, unknown 205, occupied 0.

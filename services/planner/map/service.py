@@ -14,8 +14,9 @@ from rackhand.schemas.maps import (
     SelectMap,
     UseMapData,
 )
-from rackhand.services.planner.behaviors.interface import MoveFailed, Navigator
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
+from rackhand.services.planner.behaviors.interface import Navigator
+from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.map.check import check_map, check_overlays
 from rackhand.services.planner.map.store import MapStore, unstored
 
@@ -51,7 +52,7 @@ class MapService:
                 return MapReply(data=self._store.get(map_id))
             case GetMap():
                 if self.current is None:
-                    raise RequestRefused("not_found", "no map is in use")
+                    raise RequestRefused(RefusalCode.NOT_FOUND, "no map is in use")
                 return MapReply(data=self.current)
             case CreateMap() as created:
                 check_map(created)
@@ -74,7 +75,7 @@ class MapService:
     def _chosen(self, choice: SelectMap) -> MapData:
         data = self._store.get_by_uid(choice.uid or "") if choice.id is None else self._store.get(choice.id)
         if choice.uid is not None and choice.uid != data.uid:
-            raise RequestRefused("invalid", f"map {data.id} has the uid {data.uid!r}, not {choice.uid!r}")
+            raise RequestRefused(RefusalCode.INVALID, f"map {data.id} has the uid {data.uid!r}, not {choice.uid!r}")
         return data
 
     def _use(self, data: MapData | None) -> MapReply:
@@ -83,7 +84,7 @@ class MapService:
             self._navigator.set_map(data)
         except MoveFailed as failed:
             self.load()
-            raise RequestRefused("invalid", f"the map cannot be driven by: {failed.text}") from None
+            raise RequestRefused(RefusalCode.INVALID, f"the map cannot be driven by: {failed.text}") from None
         self._store.use(data)
         self.trouble = None
         self.changes += 1

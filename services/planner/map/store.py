@@ -8,8 +8,9 @@ from pydantic import ValidationError
 
 from rackhand.schemas.codec import explain
 from rackhand.schemas.maps import CreateMap, MapData, MapSummary, Overlays
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.database import Database
-from rackhand.services.planner.errors import RequestRefused, StoreError
+from rackhand.services.planner.errors import StoreError
 from rackhand.services.planner.map.directory import DirectoryMap
 
 NOT_STORED = -1
@@ -41,7 +42,7 @@ class MapStore:
         with self._database.transaction() as connection:
             taken = connection.execute("SELECT id FROM maps WHERE uid = ?", (created.uid,)).fetchone()
             if taken:
-                raise RequestRefused("invalid", f"uid: {created.uid!r} is already that of map {taken[0]}")
+                raise RequestRefused(RefusalCode.INVALID, f"uid: {created.uid!r} is already that of map {taken[0]}")
             # A placeholder first: the id is part of what a generated uid is made from.
             cursor = connection.execute("INSERT INTO maps (uid, record, png) VALUES ('', '', ?)", (created.png,))
             data = _to_data(created, int(cursor.lastrowid or 0), now)
@@ -99,7 +100,7 @@ class MapStore:
         rows = self._database.connection.execute(f"SELECT id, record, png FROM maps WHERE {column} = ?", (value,))
         for row in rows:
             return _read(*row)
-        raise RequestRefused("not_found", missing)
+        raise RequestRefused(RefusalCode.NOT_FOUND, missing)
 
     def _write(self, data: MapData) -> None:
         self._database.connection.execute(

@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import DEPRECATED_MOVE_TYPES, Move, MoveCreate
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.plain_json import json_error
 
 TARGET_MISSING = "(target_x target_y) or target_ori must be provided"  # the real robot's words, clients compare them
@@ -32,25 +32,25 @@ class MoveRecords(Protocol):
 
 
 def check(request: MoveCreate) -> None:
-    """Raises ``RequestRefused('invalid')`` for a move that is not well formed.
+    """Raises ``RequestRefused`` (invalid) for a move that is not well formed.
 
     A well-formed but impossible target is none of this function's business: such a move is accepted, and fails.
     """
     _check_target(request)
     if (trouble := json_error(request.properties)) is not None:
-        raise RequestRefused("invalid", f"properties: {trouble}")
+        raise RequestRefused(RefusalCode.INVALID, f"properties: {trouble}")
     rotate = request.properties.get("inplace_rotate")
     if rotate is not None and not isinstance(rotate, bool):
-        raise RequestRefused("invalid", f"properties.inplace_rotate is {rotate!r}, want true or false")
+        raise RequestRefused(RefusalCode.INVALID, f"properties.inplace_rotate is {rotate!r}, want true or false")
 
 
 def _check_target(request: MoveCreate) -> None:
     half_a_point = (request.target_x is None) != (request.target_y is None)
     if half_a_point and request.target_ori is not None:
-        raise RequestRefused("invalid", "target_x and target_y must be provided together")
+        raise RequestRefused(RefusalCode.INVALID, "target_x and target_y must be provided together")
     exempt = request.type in WITHOUT_TARGET or (request.type in RACK_TYPES and request.rack_area_id is not None)
     if not exempt and (request.target_x is None or half_a_point) and request.target_ori is None:
-        raise RequestRefused("invalid", TARGET_MISSING)
+        raise RequestRefused(RefusalCode.INVALID, TARGET_MISSING)
 
 
 class MoveBook:
@@ -86,16 +86,16 @@ class MoveBook:
         return move
 
     def get(self, move_id: int | None) -> Move:
-        """A move by id; without an id, the one that runs. Raises ``RequestRefused('not_found')``."""
+        """A move by id; without an id, the one that runs. Raises ``RequestRefused`` (not_found)."""
         if move_id is None:
             if self.current is None:
-                raise RequestRefused("not_found", "no move is active")
+                raise RequestRefused(RefusalCode.NOT_FOUND, "no move is active")
             return self.current
         if self.current is not None and self.current.id == move_id:
             return self.current
         move = self._records.get(move_id)
         if move is None:
-            raise RequestRefused("not_found", f"there is no move {move_id}")
+            raise RequestRefused(RefusalCode.NOT_FOUND, f"there is no move {move_id}")
         return move
 
     def page(self, offset: int, limit: int | None) -> tuple[Move, ...]:
@@ -105,7 +105,7 @@ class MoveBook:
         """The running move, if it is the one meant. Raises ``RequestRefused`` saying why it cannot be cancelled."""
         move = self.get(move_id)
         if self.current is None or move.id != self.current.id:
-            raise RequestRefused("precondition", f"move {move.id} is {move.state} and cannot be cancelled")
+            raise RequestRefused(RefusalCode.PRECONDITION, f"move {move.id} is {move.state} and cannot be cancelled")
         return move
 
 

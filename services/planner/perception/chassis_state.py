@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-from rackhand.schemas.base import NANOSECONDS, Message
+from dataclasses import dataclass
+
+from rackhand.schemas.base import NANOSECONDS, Message, Pose2, Twist2
 from rackhand.schemas.chassis import Battery, ChassisModel, Contacts, Jack, LocalisedPose, Odometry, Scan
-from rackhand.services.planner.behaviors.interface import Observation
 
 POSE_TIMEOUT_NS = NANOSECONDS // 2
 QUALITY_LOST = 1
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What is known at one tick. Stamps in ns; the scan is the newest one (its own stamp may be older), or none yet."""
+
+    stamp: int
+    pose: Pose2
+    pose_stamp: int
+    odometry: Pose2
+    twist: Twist2
+    scan: Scan | None
 
 
 class ChassisState:

@@ -8,9 +8,9 @@ from collections import deque
 import numpy as np
 
 from rackhand.schemas.base import NANOSECONDS
-from rackhand.services.planner.behaviors.interface import Observation
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.perception.chassis_state import Observation
 from rackhand.services.planner.settings import PoseNoise
 
 HISTORY = 2 * NANOSECONDS

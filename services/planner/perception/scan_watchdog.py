@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.fail_reasons import MoveFailReason
-from rackhand.services.planner.behaviors.interface import MoveFailed, Observation
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.perception.chassis_state import Observation
 from rackhand.services.planner.perception.local_costmap import is_usable
 from rackhand.services.planner.settings import NavigationSettings
 

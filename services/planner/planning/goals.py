@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from rackhand.schemas.fail_reasons import MoveFailReason
-from rackhand.services.planner.behaviors.interface import Goal, MoveFailed
+from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
@@ -14,6 +15,22 @@ from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
 
 START_OVERLAP = 0.05  # m by which the footprint may overlap mapped cells at the start: noise of pose and map
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A pose in the map to drive to. ``None`` for x, y: stay there and rotate; ``None`` for yaw: any heading.
+
+    ``accuracy`` in metres. ``zone``: done as soon as within ``accuracy``, without stopping at the point or rotating.
+    ``rotate_in_place``: turn without any linear velocity.
+    """
+
+    x: float | None = None
+    y: float | None = None
+    yaw: float | None = None
+    accuracy: float = 0.03
+    zone: bool = False
+    rotate_in_place: bool = False
 
 
 def check_start(costmap: LocalCostmap, footprint: Footprint, start: Pose) -> None:

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.sim.actors.walkers import Walker
-from rackhand.services.sim.errors import RequestRefused, unknown
+from rackhand.services.sim.errors import unknown
 from rackhand.services.sim.mjcf.layers import PARKED_GROUP, VISIBLE_GROUP
 from rackhand.services.sim.mjcf.scene import PARKED_Z, SLOTS, slot_name, yaw_quaternion
-from rackhand.services.sim.world.worldfile import PoseTuple
+from rackhand.worlds.data import PoseTuple
 
 PERSON_SIZE = (0.25, 1.75)
 _PARTS = {"box": "l, w, h", "cylinder": "radius, height", "person": "radius, height"}
@@ -52,7 +53,9 @@ class Obstacles:
         elif free:
             slot = free.pop(0)
         else:
-            raise RequestRefused("precondition", f"all {SLOTS[kind]} places for a {kind} are taken; remove one first")
+            raise RequestRefused(
+                RefusalCode.PRECONDITION, f"all {SLOTS[kind]} places for a {kind} are taken; remove one first"
+            )
         if former is not None and former.kind != kind:
             self._park(former)
         placed = Placed(kind, slot, size, pose, walker)
@@ -114,6 +117,6 @@ def check_size(kind: str, size: tuple[float, ...]) -> None:
     parts = _PARTS[kind]
     wanted = parts.count(",") + 1
     if len(size) != wanted or not all(0.01 <= s <= 20 for s in size):
-        raise RequestRefused("invalid", f"size {list(size)} of a {kind}: want {parts}, each 0.01 … 20 m")
+        raise RequestRefused(RefusalCode.INVALID, f"size {list(size)} of a {kind}: want {parts}, each 0.01 … 20 m")
     if kind == "person" and size[1] < 2 * size[0] + 0.01:
-        raise RequestRefused("invalid", f"a person of radius {size[0]} m must be higher than {2 * size[0]} m")
+        raise RequestRefused(RefusalCode.INVALID, f"a person of radius {size[0]} m must be higher than {2 * size[0]} m")

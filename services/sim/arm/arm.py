@@ -8,9 +8,8 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
+from rackhand.schemas.fencing import FencingGuard
 from rackhand.schemas.motion import ArmCommand, ArmState, Gripper
-from rackhand.services.sim.arm.fence import FencingGuard
-from rackhand.services.sim.arm.kinds import ArmKind
 from rackhand.services.sim.arm.servo import (
     HOLD,
     POSITION,
@@ -25,8 +24,9 @@ from rackhand.services.sim.arm.servo import (
     plan,
 )
 from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
-from rackhand.services.sim.errors import WorldFileError
 from rackhand.services.sim.mjcf.arm_model import CUP, FORCE, SEALS, SUCTION, SUCTION_FORCE, TOOL, TORQUE
+from rackhand.worlds.arm_model import ArmDescription
+from rackhand.worlds.data import WorldFileError
 
 # Commands come each 2 … 20 ms (s); before the second one has come, the interval is taken to be this.
 SHORTEST, LONGEST, FIRST_INTERVAL = 0.002, 0.02, 0.004
@@ -59,7 +59,7 @@ class Arm:
     the torque limits hold for the sum.
     """
 
-    def __init__(self, name: str, kind: ArmKind, home: tuple[float, ...], model: Any, data: Any) -> None:
+    def __init__(self, name: str, kind: ArmDescription, home: tuple[float, ...], model: Any, data: Any) -> None:
         self.name, self.kind = name, kind
         self._model, self._data = model, data
         self._find_addresses()

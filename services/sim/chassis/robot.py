@@ -27,11 +27,11 @@ from rackhand.services.sim.chassis.drive import WheelTargets
 from rackhand.services.sim.chassis.lidar import Lidar
 from rackhand.services.sim.chassis.noise import NoiseSettings, PoseNoise, generator
 from rackhand.services.sim.chassis.odometer import Odometer
-from rackhand.services.sim.chassis.profiles import Profile
 from rackhand.services.sim.mjcf.chassis_model import WHEELS
 from rackhand.services.sim.mjcf.geometry import wrap
 from rackhand.services.sim.mjcf.scene import yaw_quaternion
-from rackhand.services.sim.world.worldfile import PoseTuple
+from rackhand.worlds.chassis_model import ChassisProfile
+from rackhand.worlds.data import PoseTuple
 
 GRAVITY = 9.81
 POSE_PERIOD = 0.04
@@ -44,7 +44,7 @@ class Robot:
     def __init__(
         self,
         name: str,
-        profile: Profile,
+        profile: ChassisProfile,
         model: Any,
         data: Any,
         seed: int,
@@ -215,13 +215,7 @@ class Robot:
         )
 
     def chassis_model(self) -> ChassisModel:
-        drive_kind = self.profile.drive
-        return ChassisModel(
-            profile=self.profile.name,
-            footprint=self.profile.footprint,
-            wheel_separation=drive_kind.wheel_separation,
-            wheel_radius=drive_kind.wheel_radius,
-        )
+        return self.profile.describe()
 
     def _wheel_angles(self) -> tuple[float, float]:
         left, right = (float(self._data.qpos[address]) for address in self._wheel_qpos)

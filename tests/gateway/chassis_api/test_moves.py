@@ -9,6 +9,7 @@ import pytest
 
 from rackhand.bus import CallTimeout, Refused, Unavailable
 from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.refusal import RefusalCode
 from tests.gateway.fake_bus import NOW, TARGET_MISSING
 from tests.gateway.harness import Gateway
 
@@ -176,13 +177,13 @@ def test_an_id_that_names_no_move_is_404(gateway: Gateway, move_id: str) -> None
     [
         (Unavailable("nobody serves moves"), 503, {"detail": "nobody serves moves"}),
         (CallTimeout("no answer in 2 s"), 503, {"detail": "no answer in 2 s"}),
-        (Refused("precondition", "the jack is moving"), 400, {"detail": "the jack is moving"}),
-        (Refused("invalid", "odd count"), 400, ["odd count"]),
-        (Refused("malformed", "bad"), 400, ["bad"]),
-        (Refused("not_found", "no such"), 404, {"detail": "no such"}),
-        (Refused("unavailable", "busy"), 503, {"detail": "busy"}),
-        (Refused("timeout", "late"), 503, {"detail": "late"}),
-        (Refused("internal", "assert"), 500, {"detail": "assert"}),
+        (Refused(RefusalCode.PRECONDITION, "the jack is moving"), 400, {"detail": "the jack is moving"}),
+        (Refused(RefusalCode.INVALID, "odd count"), 400, ["odd count"]),
+        (Refused(RefusalCode.MALFORMED, "bad"), 400, ["bad"]),
+        (Refused(RefusalCode.NOT_FOUND, "no such"), 404, {"detail": "no such"}),
+        (Refused(RefusalCode.UNAVAILABLE, "busy"), 503, {"detail": "busy"}),
+        (Refused(RefusalCode.TIMEOUT, "late"), 503, {"detail": "late"}),
+        (Refused(RefusalCode.INTERNAL, "assert"), 500, {"detail": "assert"}),
     ],
 )
 def test_what_the_bus_says_becomes_a_status(gateway: Gateway, failure: Any, status: int, body: Any) -> None:

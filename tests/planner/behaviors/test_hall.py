@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from rackhand.services.planner.behaviors.interface import Goal
 from rackhand.services.planner.geometry.se2 import wrap
+from rackhand.services.planner.planning.goals import Goal
 from tests.planner.plant import BODY, Hall, Plant, Walker, box, overlap, run
 
 HALL = Hall(14, 10, [box(3.5, 3.5, 0.6, 3), box(7, 7, 0.5, 3.5), box(10.5, 3, 0.6, 3), box(11, 7, 2, 0.5, 0.4)])

@@ -10,9 +10,10 @@ import pytest
 
 from rackhand.schemas.base import Twist2
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
-from rackhand.services.planner.behaviors.interface import STANDSTILL, Goal, MoveFailed
 from rackhand.services.planner.behaviors.navigator import ChassisNavigator
-from rackhand.services.planner.geometry.se2 import wrap
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
+from rackhand.services.planner.planning.goals import Goal
 from rackhand.services.planner.settings import NavigationSettings
 from tests.planner.control.test_braking_guard import check_step
 from tests.planner.map.test_grid import feature

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rackhand.schemas.fail_reasons import MoveFailReason
-from rackhand.services.planner.behaviors.interface import MoveFailed
+from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.map.grid import load_map
 from tests.planner.plant import Hall
 

@@ -12,8 +12,8 @@ import pytest
 from rackhand.schemas import topics
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import DeleteMap, GetMap, ListMaps, MapData, PatchMap, SelectMap, UseMapData
-from rackhand.services.planner.behaviors.interface import MoveFailed
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.schemas.refusal import RequestRefused
+from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.map.directory import MapDirectoryError, read_map_directory
 from tests.planner.fakes import UNIX_NS, Cell, a_map, png
 

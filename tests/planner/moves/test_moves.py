@@ -13,10 +13,12 @@ from rackhand.schemas.chassis import Jack, JackRequest
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import SelectMap
 from rackhand.schemas.moves import MOVE_TYPES, GetMove, ListMoves, MoveRequest
-from rackhand.services.planner.behaviors.interface import STANDSTILL, Goal, MoveFailed
+from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.behaviors.procedures import PROCEDURES
-from rackhand.services.planner.errors import RequestRefused
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.moves.book import TARGET_MISSING
+from rackhand.services.planner.planning.goals import Goal
 from tests.planner.fakes import ARRIVED, FORWARD, UNIX_NS, Cell, driving
 
 

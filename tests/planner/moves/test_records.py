@@ -18,8 +18,9 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import Move, MoveCreate
+from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.database import Database
-from rackhand.services.planner.errors import RequestRefused, StoreError
+from rackhand.services.planner.errors import StoreError
 from rackhand.services.planner.moves.book import MoveBook
 from rackhand.services.planner.moves.records import RESTARTED, MoveStore
 

@@ -56,7 +56,7 @@ def test_what_moves_does_not_block_plans_but_stops_being_a_mover_when_it_stands(
 
 
 def test_a_standing_crate_is_no_mover_when_the_robot_drives_by(begin) -> None:
-    from rackhand.services.planner.behaviors.interface import Goal
+    from rackhand.services.planner.planning.goals import Goal
 
     navigator, plant = begin(crates=(box(4.0, 2.0, 0.5, 0.5, 0.4), box(6.5, 2.0, 0.4, 0.6)))
     navigator.start(Goal(8.5, 1.0, None), plant.observe())

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rackhand.schemas.base import Pose2, Twist2
-from rackhand.services.planner.behaviors.interface import Observation
 from rackhand.services.planner.geometry import se2
+from rackhand.services.planner.perception.chassis_state import Observation
 from rackhand.services.planner.perception.pose_filter import PoseFilter
 from rackhand.services.planner.settings import PoseNoise
 

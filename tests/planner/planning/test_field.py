@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.cells import Geometry
-from rackhand.services.planner.planning.distance_grid import DistanceGrid
+from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.planning.cost_to_go import cost_to_go
+from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.planning.field import distance_field, sample
 from rackhand.services.planner.planning.inflation import Inflation
 from tests.planner.plant import BODY

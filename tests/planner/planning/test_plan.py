@@ -9,8 +9,9 @@ import pytest
 
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
-from rackhand.services.planner.behaviors.interface import Goal, MoveFailed
 from rackhand.services.planner.behaviors.navigator import ChassisNavigator
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.planning.goals import Goal
 from rackhand.services.planner.settings import NavigationSettings
 from tests.planner.map.test_grid import feature
 from tests.planner.plant import Hall, box, keep_on, run

@@ -10,9 +10,9 @@ import pytest
 
 from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
+from rackhand.schemas.refusal import RequestRefused
 from rackhand.schemas.world import MoveRobot, Place
 from rackhand.services.sim.actors.walkers import Walker, is_in_way, make_route
-from rackhand.services.sim.errors import RequestRefused
 from rackhand.services.sim.mjcf.scene import SLOTS
 from tests.sim.helpers import coast, drive, make_simulation, make_world, newest
 

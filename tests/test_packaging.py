@@ -1,0 +1,47 @@
+"""What an installed wheel puts into a user's environment: the one name ``rackhand``, with all data that it reads."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+BUILD = "import sys; from setuptools import build_meta; build_meta.build_wheel(sys.argv[1])"
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
+    """Files of a wheel that is built from a copy of what the repository tracks."""
+    folder = tmp_path_factory.mktemp("wheel")
+    copy = folder / "copy"
+    tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in filter(None, tracked.split("\0")):
+        if not (ROOT / name).exists():
+            continue
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, copy / name, follow_symlinks=False)
+    subprocess.run([sys.executable, "-c", BUILD, str(folder)], cwd=copy, capture_output=True, check=True)
+    (wheel,) = folder.glob("*.whl")
+    return set(zipfile.ZipFile(wheel).namelist())
+
+
+def test_it_installs_one_name(names: set[str]) -> None:
+    assert {name.partition("/")[0].partition("-")[0] for name in names} == {"rackhand"}
+
+
+def test_every_module_and_every_data_file_is_in_it(names: set[str]) -> None:
+    folders = ("schemas", "bus", "runtime", "services", "worlds")
+    kinds = {".py", ".yaml", ".xml", ".png", ".geojson", ".html", ".css", ".js"}
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in kinds]
+    missing = {f"rackhand/{path.relative_to(ROOT)}" for path in files} - names
+    assert len(files) > 200
+    assert missing == set()
+
+
+def test_it_says_that_it_is_typed(names: set[str]) -> None:
+    assert "rackhand/py.typed" in names
