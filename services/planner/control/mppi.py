@@ -238,7 +238,7 @@ def obstacle_clearance(obstacles: Array, m: int, time: float, edges: Array, body
     if abs(dx) > costs.dynamic_range or abs(dy) > costs.dynamic_range:
         return np.inf
     away = edge_distance(edges, body.cos * dx + body.sin * dy, -body.sin * dx + body.cos * dy)
-    return away - (obstacles[m, 4] + costs.dynamic_growth * time)
+    return float(away - (obstacles[m, 4] + costs.dynamic_growth * time))
 
 
 @inlined
