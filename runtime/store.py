@@ -11,19 +11,19 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 R = TypeVar("R")
-R_contra = TypeVar("R_contra", contravariant=True)
+R_co = TypeVar("R_co", covariant=True)
 T = TypeVar("T")
 
 RETRY = 1.0  # s between attempts at what could not be written and must not be lost
 
 
-class Store(Protocol[R]):
+class Store(Protocol[R_co]):
     """Where jobs on a resource (a database, a log) are carried out, in order."""
 
-    def call(self, job: Callable[[R], T]) -> T:
+    def call(self, job: Callable[[R_co], T]) -> T:
         """Carry a job out and wait for its result: for start-up, never in a control loop."""
 
-    def submit(self, job: Callable[[R], object], keep: bool = False) -> int:
+    def submit(self, job: Callable[[R_co], object], keep: bool = False) -> int:
         """Carry a job out some time, and return its number. ``keep``: if it fails, it is tried again until it works."""
 
 

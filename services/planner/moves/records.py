@@ -53,8 +53,7 @@ class MoveStore:
         if self._fault:
             raise RequestRefused(RefusalCode.UNAVAILABLE, f"moves cannot be stored: {self._fault}")
         self._last_id += 1
-        times = {"create_time": now, "last_modified_time": now}
-        move = Move(**request.model_dump(), id=self._last_id, state="moving", **times)
+        move = Move(**request.model_dump(), id=self._last_id, state="moving", create_time=now, last_modified_time=now)
         changed = (move,) if ended is None else (ended, move)
         self._moves.update({each.id: each for each in changed})
         while self._moves and (oldest := next(iter(self._moves))) <= move.id - self._limit:
