@@ -16,7 +16,7 @@ from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.motion import ArmState, Expected, MotionStatus, RobotConfiguration
 from rackhand.services.controller import ik
 from rackhand.services.controller.access.streams import StreamGuard, StreamSample
-from rackhand.services.controller.access.types import ContinueMotion, Order, StopMotion
+from rackhand.services.controller.access.types import ContinueMotion, MotionEffect, StopMotion
 from rackhand.services.controller.commands.spec import GrantedCommand, Result
 from rackhand.services.controller.motion.executor import CommandMode, MotionExecutor, Reference
 from rackhand.services.controller.motion.meter import Stopwatch
@@ -141,10 +141,10 @@ class ArmControl:
         self._begin_motion()
         return Result.done()
 
-    def apply(self, order: Order) -> None:
+    def apply(self, effect: MotionEffect) -> None:
         """Carries out what priority access decides about motion."""
-        self._serial = max(self._serial, order.serial)
-        match order:
+        self._serial = max(self._serial, effect.serial)
+        match effect:
             case ContinueMotion():
                 self.motion.resume()
             case StopMotion(kind=kind, clear=clear, reason=reason):
