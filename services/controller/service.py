@@ -56,12 +56,10 @@ class ControllerService:
             for _ in range(READ_AHEAD):
                 if event is None:
                     break
-                if isinstance(event, Request) and event.query is topics.MOTION:
-                    self._tick_if_due()  # the inbox has nothing more urgent
-                self.handle(event)
+                self._take(event)
                 event = self._inbox.get(0)
             if event is not None:
-                self.handle(event)
+                self._take(event)
             self._tick_if_due()
             self._controller.poll()
             self._publish()
@@ -75,6 +73,11 @@ class ControllerService:
         if event is None:
             self._controller.await_plan(PLAN_POLL)
         return event
+
+    def _take(self, event: Event) -> None:
+        if self._link.lockstep or (isinstance(event, Request) and event.query is topics.MOTION):
+            self._tick_if_due()  # in lockstep each step is answered; else the inbox has nothing more urgent
+        self.handle(event)
 
     def handle(self, event: Event) -> None:
         """Take in one event. What goes wrong here ends neither the service nor another request."""

@@ -86,8 +86,8 @@ class PlannerService:
             self._join_if_needed()
 
     def _take(self, event: Event) -> None:
-        if isinstance(event, Request):
-            self._tick_if_due()  # what is asked after an instant was measured does not change its answer
+        if isinstance(event, Request) or self._link.lockstep:
+            self._tick_if_due()  # what arrives after a step was measured does not change its answer
         self.handle(event)
 
     def handle(self, event: Event) -> None:

@@ -68,7 +68,7 @@ def main(
     world: Annotated[str, typer.Option(help="name of a world, or path of its folder")] = "warehouse",
     speed: Annotated[str, typer.Option(help="ratio to real time (0.1 … 1000), or max")] = "1",
     lockstep: Annotated[
-        bool, typer.Option("--lockstep", help="wait at each instant for the commands of all who joined")
+        bool, typer.Option("--lockstep", help="wait at each control step for the commands due then")
     ] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="of all noise  [default: the world's]")] = None,
     wait_for: Annotated[

@@ -140,10 +140,12 @@ class Arm:
             return "values that are not finite"
         return ""
 
-    def command(self, command: ArmCommand) -> bool:
-        """Take a command. False if it is malformed, or of a grant that a newer one replaced."""
-        if self.fault_of(command) or not self._fence.admit(command.token, command.answers):
-            return False
+    def admit(self, command: ArmCommand) -> bool:
+        """False if the command is malformed, or of a grant that a newer one replaced."""
+        return not self.fault_of(command) and self._fence.admit(command.token, command.answers)
+
+    def command(self, command: ArmCommand) -> None:
+        """Let an admitted command take effect."""
         self._suction = command.suction
         values, before = np.array(command.values), self._order
         if command.mode == "position":
@@ -158,7 +160,6 @@ class Arm:
             streams = (np.abs(gained) <= STREAM_SLACK * most) & (np.abs(slope) <= 1.001 * self.limits.velocity)
             velocity = np.where(streams, slope + np.clip(gained, -most, most) / 2, 0.0)
         self._order = Order(command.mode, values, command.answers, velocity, slope, interval)
-        return True
 
     def silence(self) -> None:
         """Nobody commands it any more: it brakes at once. What its gripper holds it goes on holding."""

@@ -55,6 +55,7 @@ class Robot:
         self.name, self.profile = name, profile
         self.faults: set[str] = set()
         self.command: ChassisCommand | None = None
+        self._admitted = -1
         self.body = int(model.body(name).id)
         self.hull = int(model.geom(f"{name}/hull").id)
         self._model, self._data = model, data
@@ -110,6 +111,13 @@ class Robot:
     @property
     def charging(self) -> bool:
         return self.charge_contact or "power_cable" in self.faults
+
+    def admit(self, command: ChassisCommand) -> bool:
+        """False if the command answers an older stamp than one that was admitted before."""
+        if command.answers < self._admitted:
+            return False
+        self._admitted = command.answers
+        return True
 
     def put(self, pose: PoseTuple) -> None:
         """Be at ``pose``, without more. Its odometry knows nothing of it."""
