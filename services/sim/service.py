@@ -53,6 +53,7 @@ class SimService:
             self._inbox.on(topics.COMMAND, self._command, robot, COMMAND_DEPTH)
         self._inbox.on_request(topics.WORLD_CONTROL, self._serve, WORLD)
         self._inbox.on_presence(self._presence)
+        self._robots = (*session.simulation.robots, *session.simulation.arms)
         self._advancing: Request[WorldRequest, WorldReply] | None = None
         self._faults: set[tuple[str, str]] = set()
         self._waiting_for = ""
@@ -60,7 +61,7 @@ class SimService:
     def run(self) -> None:
         self._publish_models()
         self._publish_things()
-        self._bus.announce()
+        self._bus.announce(*(ServiceId("driver", name) for name in self._robots))
         self._publish_step()
         log.info("ready", world=self._session.simulation.world.name, seed=self._session.seed)
         while not self._bus.stopping:

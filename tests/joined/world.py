@@ -151,7 +151,7 @@ class JoinedWorld:
                 return
             missing = pacer.missing(self.simulation.stamp)
             assert decision.kind == "step", f"simulation waits for {missing or decision.kind} at {self.now():.3f} s"
-            self.simulation.step()
+            self.session.step()
             self._deliver(self.simulation.outputs)
 
     def _deliver(self, outputs: tuple[Output, ...]) -> None:

@@ -44,7 +44,7 @@ def join(period: int = PERIOD, robot: str = "amr1", service: str = "planner", la
 
 def test_inspect_reports_the_state_of_the_simulation() -> None:
     session = make_session(lockstep=True)
-    session.simulation.step()
+    session.step()
     reply = ask(session, asked.Inspect())
     assert reply.clock == asked.Clock(
         stamp=CONTROL_STEP_NS,
@@ -110,7 +110,7 @@ def test_an_arm_is_commanded_by_its_controller_at_its_own_steps() -> None:
     while len(stopped) < 13:  # up to 40 ms: the controller each 4 ms, the planner at 0 and 40 ms
         stamp = session.simulation.stamp
         if session.pacer.decide(stamp, 0.0).kind == "step":
-            session.simulation.step()
+            session.step()
             continue
         missing = {str(service) for service in session.pacer.missing(stamp)}
         stopped.append((stamp, missing))
@@ -130,7 +130,7 @@ def test_an_arm_is_commanded_by_its_controller_at_its_own_steps() -> None:
 def test_commands_are_reported_with_the_stamp_they_answer() -> None:
     session = make_session()
     for _ in range(3):
-        session.simulation.step()
+        session.step()
     assert session.command("amr1", ChassisCommand(answers=PERIOD, twist=STILL))
     assert not session.command("amr1", ChassisCommand(answers=999 * PERIOD, twist=STILL))
     assert ask(session, asked.Inspect()).command_stamps == {"amr1": PERIOD}
@@ -151,7 +151,7 @@ def test_reset_starts_a_new_run_with_the_seed_and_without_former_changes() -> No
     ask(session, join())
     ask(session, asked.Place(name="crate", pose=Pose2(x=3, y=0, yaw=0)))
     ask(session, asked.InjectFault(robot="amr1", fault="lidar_dead"))
-    session.simulation.step()
+    session.step()
     reply = ask(session, asked.Reset())
     assert (reply.clock.stamp, reply.clock.run, reply.seed, reply.participants) == (0, "run2", 4, ())
     assert reply.digest == first
@@ -170,7 +170,7 @@ def test_advance_is_answered_at_its_end() -> None:
     with pytest.raises(RequestRefused, match="already advancing to stamp 40000000"):
         session.handle(asked.WorldRequest(request=asked.Advance(duration_ns=1)))
     while session.pacer.decide(session.simulation.stamp, 0.0).kind == "step":
-        session.simulation.step()
+        session.step()
     assert session.simulation.stamp == PERIOD and session.clock.paused
 
 
