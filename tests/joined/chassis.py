@@ -53,7 +53,7 @@ class JoinedChassis:
     def begin(self) -> None:
         """The driver begins a run."""
         self.core.reset("driver restarted")
-        self.core.set_driver_alive(True)
+        self.core.set_driver_fault("")
         self.core.on_message(self.world.simulation.robots[self.name].chassis_model())
 
     def on_clock(self, clock: Clock) -> None:
