@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from rackhand.schemas.base import Pose2, Quaternion
+from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import (
     Battery,
     ChassisCommand,
@@ -26,6 +26,7 @@ from rackhand.schemas.chassis import (
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import CurrentMap
 from rackhand.schemas.moves import MoveEvent, PlannedPath, PlanningState
+from rackhand.schemas.planar import yaw_quaternion
 from rackhand.services.viewer import colours
 from rackhand.services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
 from rackhand.services.viewer.maps import map_drawings
@@ -186,10 +187,6 @@ _CURVES = (
     ("distance/remaining", "remaining distance, m", colours.THIRD),
 )
 _SWITCH_LEVELS: dict[str, Level] = {"emergency_stop_button": "ERROR", "bumper_front": "WARN", "bumper_rear": "WARN"}
-
-
-def yaw_quaternion(yaw: float) -> Quaternion:
-    return math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
 
 
 def scan_points(scan: Scan, pose: Pose2) -> NDArray[np.float64]:

@@ -21,6 +21,7 @@ from rackhand.schemas.chassis import (
     Odometry,
     Scan,
 )
+from rackhand.schemas.planar import wrap, yaw_quaternion
 from rackhand.services.sim.chassis import drive
 from rackhand.services.sim.chassis.battery import BatteryModel
 from rackhand.services.sim.chassis.drive import WheelTargets
@@ -28,8 +29,6 @@ from rackhand.services.sim.chassis.lidar import Lidar
 from rackhand.services.sim.chassis.noise import NoiseSettings, PoseNoise, generator
 from rackhand.services.sim.chassis.odometer import Odometer
 from rackhand.services.sim.mjcf.chassis_model import WHEELS
-from rackhand.services.sim.mjcf.geometry import wrap
-from rackhand.services.sim.mjcf.scene import yaw_quaternion
 from rackhand.worlds.chassis_model import ChassisProfile
 from rackhand.worlds.data import PoseTuple
 
