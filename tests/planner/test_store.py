@@ -139,7 +139,7 @@ def test_a_move_that_cannot_be_stored_is_refused_and_stopped_and_stored_when_the
     planner.fill_disk()
     asked = planner.move(LARGE)
     planner.settle()
-    assert asked.answer == ("unavailable", "not stored, and undone: database or disk is full")
+    assert asked.answer == ("unavailable", "could not be stored: database or disk is full")
     move = planner.store.moves.get(1)
     assert move is not None
     assert (move.state, move.fail_reason) == ("failed", 1002)
@@ -157,6 +157,25 @@ def test_a_move_that_cannot_be_stored_is_refused_and_stopped_and_stored_when_the
     last = planner.move(CREATE)
     planner.settle()
     assert last.answer.moves[0].id == 2, "the id of the refused one is not used again"
+
+
+def test_a_store_that_is_locked_or_read_only_refuses_moves_until_it_is_not(planner: Planner) -> None:
+    planner.in_thread(lambda c: c.execute("PRAGMA busy_timeout = 0"))
+    with sqlite3.connect(planner.store.path, isolation_level=None) as other:
+        other.execute("BEGIN IMMEDIATE")
+        asked = planner.move(CREATE)
+        planner.settle()
+        other.execute("ROLLBACK")
+    other.close()
+    assert asked.answer == ("unavailable", "could not be stored: database is locked")
+    while planner.store.moves._fault:
+        planner.settle()
+    planner.in_thread(lambda c: c.execute("PRAGMA query_only = ON"))
+    asked = planner.move(CREATE)
+    while asked.answer is None:
+        planner.settle()
+    assert asked.answer == ("unavailable", "could not be stored: attempt to write a readonly database")
+    assert planner.service.tick(False).twist.linear == 0, "and the chassis is driven no further"
 
 
 def test_a_map_that_cannot_be_stored_is_refused_and_undone(planner: Planner) -> None:
