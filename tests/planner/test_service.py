@@ -17,7 +17,7 @@ from rackhand.schemas.moves import CreateMove, GetMove, MoveCreate, MoveRequest
 from rackhand.schemas.service import ServiceId
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.service import PlannerService
-from tests.planner.fakes import FORWARD, Cell
+from tests.planner.fakes import FORWARD, Cell, free_scan
 
 SIM = ServiceId("sim", "world")
 MS = 1_000_000
@@ -120,7 +120,12 @@ def clock(cell: Cell, milliseconds: int, run: str = "first") -> Sample:
 
 
 def instant(cell: Cell, milliseconds: int, run: str = "first") -> list[Any]:
-    return [pose(milliseconds), odometry(milliseconds), clock(cell, milliseconds, run)]
+    return [
+        pose(milliseconds),
+        sample(topics.SCAN, free_scan(milliseconds * MS)),
+        odometry(milliseconds),
+        clock(cell, milliseconds, run),
+    ]
 
 
 def create(**fields: Any) -> Asked:
@@ -178,7 +183,7 @@ def test_an_error_in_a_request_is_answered_and_the_next_one_works(
 
 
 def test_an_error_in_a_tick_fails_the_move_and_the_answers_go_on(bus: ListBus, cell: Cell) -> None:
-    cell.navigator.ticks = [ZeroDivisionError("by zero")]
+    cell.script.ticks = [ZeroDivisionError("by zero")]
     first, second = create(), create()
     run(bus, cell, [Presence(SIM, True)], instant(cell, 0), [first], instant(cell, 40), [second], instant(cell, 80))
     assert [command.twist for command in bus.told(topics.COMMAND)] == [STANDSTILL, STANDSTILL, FORWARD]
@@ -186,8 +191,8 @@ def test_an_error_in_a_tick_fails_the_move_and_the_answers_go_on(bus: ListBus, c
 
 
 def test_a_simulator_is_joined_when_it_comes_and_when_it_begins_anew(bus: ListBus, cell: Cell) -> None:
-    model = sample(topics.CHASSIS_MODEL, cell.chassis._sensed.model)  # type: ignore[arg-type]
-    cell.chassis._sensed.model = None
+    model = sample(topics.CHASSIS_MODEL, cell.chassis._state.model)  # type: ignore[arg-type]
+    cell.chassis._state.model = None
     run(bus, cell, [Presence(ServiceId("gateway", "cell"), True)], [Presence(SIM, True)], instant(cell, 0))
     assert bus.calls == [], "not before the body is known"
     run(bus, cell, [Presence(SIM, True)], [model], instant(cell, 0), instant(cell, 40), instant(cell, 0, "second"))

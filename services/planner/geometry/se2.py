@@ -43,3 +43,10 @@ def interpolate(a: Pose, b: Pose, fraction: float) -> Pose:
             wrap(a[2] + fraction * wrap(b[2] - a[2])),
         ]
     )
+
+
+def transformed(frame: Pose, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points, (n, 2) in the frame of ``frame``, in its parent frame."""
+    c, s = math.cos(frame[2]), math.sin(frame[2])
+    moved: NDArray[np.float64] = points @ np.array([(c, s), (-s, c)]) + frame[:2]
+    return moved

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 HIT, MISS, FULL, OCCUPIED = 3, 2, 6, 3  # one hit occupies; two rays through it clear the firmest cell
 FRESH, LATELY = 8, 60  # scans since something came there, and since it was seen free before that
 SCAN_PERIOD = 0.08  # s; ages are counted in scans
+TILE = 32  # cells to each side
 
 
 class ObservedObstacles:
@@ -36,6 +37,7 @@ class ObservedObstacles:
         self._expires = np.zeros(static.blocked.shape, dtype=np.int32)
         self._first_hit = np.zeros(static.blocked.shape, dtype=np.int32)
         self._seen_free = np.zeros(static.blocked.shape, dtype=np.int32)
+        self._tiles = np.zeros([n // TILE + 1 for n in static.blocked.shape], dtype=np.bool_)  # with hits since emptied
         self._scans = 0
         self.points: Array = np.empty((0, 2))
         self.unmapped: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
@@ -52,6 +54,28 @@ class ObservedObstacles:
             scan.ranges.astype(np.float64), sensor, scan.angle_min, scan.angle_step,
             min(scan.range_max, self._settings.obstacle_range), chassis, body_edges,
         )  # fmt: skip
+
+        rows, columns = self._cells_of(self.points[self.unmapped])
+        self._tiles[rows // TILE, columns // TILE] = True
+
+    def _cells_of(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns of those points that lie on the map."""
+        g = self._static.geometry
+        cells = np.floor((points - (g.x, g.y)) / g.resolution).astype(np.int64)
+        inside = ((cells >= 0) & (cells < (g.columns, g.rows))).all(axis=1)
+        return cells[inside, 1], cells[inside, 0]
+
+    def cells(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns of all cells with an observed obstacle. Costs time by what was observed, not by the map."""
+        rows: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]
+        columns = rows.copy()
+        for i, j in np.argwhere(self._tiles):
+            window = (slice(i * TILE, (i + 1) * TILE), slice(j * TILE, (j + 1) * TILE))
+            r, c = np.nonzero(self.occupied(window))
+            self._tiles[i, j] = len(r) > 0
+            rows.append(r + i * TILE)
+            columns.append(c + j * TILE)
+        return np.concatenate(rows), np.concatenate(columns)
 
     def is_seen_free(self, point: Array) -> bool:
         """Whether a ray of the newest scan passed through this place."""

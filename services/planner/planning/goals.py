@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.geometry.se2 import Pose, wrap
+from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
@@ -43,7 +42,8 @@ def check_start(around: LocalCostmap, footprint: Footprint, start: Pose) -> None
     free = around.mapped.clearance(footprint, start)
     if around.static.blocked[g.cell(start[0], start[1])] or free < -START_OVERLAP:
         raise MoveFailed(
-            MoveFailReason.STARTING_POINT_NOT_IN_GROUND, f"{where}, where its body overlaps no-ground by {-free:.2f} m"
+            MoveFailReason.STARTING_POINT_NOT_IN_GROUND,
+            f"{where}, where its footprint overlaps non-traversable cells by {-free:.2f} m",
         )
 
 
@@ -58,15 +58,9 @@ def check_goal(around: LocalCostmap, footprint: Footprint, target: Target, s: Na
         lack = max(lack, -around.mapped.clearance(footprint, np.array([target.x, target.y, target.yaw])))
     if around.static.blocked[g.cell(target.x, target.y)] or lack > -s.ground_margin:
         raise MoveFailed(
-            MoveFailReason.ENDING_POINT_NOT_IN_GROUND, f"{where}, where the body lacks {lack:.2f} m of ground"
+            MoveFailReason.ENDING_POINT_NOT_IN_GROUND,
+            f"{where}, where the goal footprint overlaps non-traversable cells by {lack:.2f} m",
         )
-
-
-def is_there(start: Pose, goal: Goal, target: Target, s: NavigationSettings) -> bool:
-    """Whether the chassis is at the goal already: within its accuracy, and 2 degrees if it has a heading."""
-    away = math.hypot(target.x - start[0], target.y - start[1])
-    turned = goal.yaw is None or abs(wrap(goal.yaw - start[2])) <= s.equal_yaw
-    return away <= goal.accuracy and turned
 
 
 def _extent(around: LocalCostmap) -> str:

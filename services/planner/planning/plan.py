@@ -110,7 +110,7 @@ class GlobalPlanner:
             return direct
         first = self._start_cell(cost, start)
         if first < 0:
-            raise NoPathFound("disconnected", f"no way for a circle of {self._footprint.inscribed:.2f} m radius")
+            raise NoPathFound("disconnected", f"no path for the inscribed radius {self._footprint.inscribed:.2f} m")
         if not tight:
             plan = self._point_like(room, cost, toward, first, start, target)
             if plan is not None:
@@ -219,9 +219,9 @@ class GlobalPlanner:
         while (outcome := search.run(s.expansions_per_tick)) == lattice.RUNNING:
             yield
         if outcome == lattice.CUT_SHORT:
-            raise NoPathFound("budget", f"{search.expanded} states expanded without a way")
+            raise NoPathFound("budget", f"{search.expanded} states expanded without a path")
         if outcome == lattice.EXHAUSTED:
-            raise NoPathFound("footprint", f"a circle of {f.inscribed:.2f} m radius has a way, the body has none")
+            raise NoPathFound("footprint", f"the inscribed radius {f.inscribed:.2f} m has a path, the footprint none")
         rows, direction = search.way()
         last = rows[-1]
         first = Segment(_line(start[:2], rows[0, :2], start[2]), bool(rows[0, 3] < 0))
