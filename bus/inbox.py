@@ -1,4 +1,7 @@
-"""One queue for everything a service hears, so that its whole life is one loop over events."""
+"""One queue for everything a service receives, so that its main thread is one loop over events.
+
+Typed use: ``inbox.on(topic, handler)``, then ``inbox.dispatch(event)`` for each event that ``get`` returns.
+"""
 
 from __future__ import annotations
 
@@ -8,25 +11,28 @@ import threading
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator
-from dataclasses import dataclass
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import zenoh
 
 from rackhand.bus.attached import stay_attached
-from rackhand.bus.log import get_logger
+from rackhand.bus.handlers import Handlers, Posted, Presence
+from rackhand.bus.requests import Request, refuse
 from rackhand.bus.samples import Malformed, Sample, parse
 from rackhand.schemas.base import Message
 from rackhand.schemas.codec import MalformedMessage, codec_for
-from rackhand.schemas.refusal import Refusal, RefusalCode
+from rackhand.schemas.refusal import RefusalCode
 from rackhand.schemas.service import ALIVE_EVERYWHERE, ServiceId
 from rackhand.schemas.topics import Qos, Query, Topic
 
 if TYPE_CHECKING:
     from rackhand.bus.session import Bus
 
-log = get_logger(__name__)
+M = TypeVar("M", bound=Message)
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
+T = TypeVar("T")
 
 # How many unread samples of one subscription are kept; beyond it the oldest go, counted.
 DEPTH = {Qos.STREAM: 16, Qos.COMMAND: 64, Qos.EVENT: 1024, Qos.LATCHED: 16}
@@ -34,56 +40,7 @@ MAX_REQUESTS = 256
 MAX_OVERTAKES = 16
 
 
-class Request:
-    """A query that waits for its one answer: ``reply`` or ``refuse``. Dropped unanswered, it is refused as internal."""
-
-    def __init__(self, query: Query[Any, Any], robot: str, message: Any, pending: zenoh.Query) -> None:
-        self.query = query
-        self.robot = robot
-        self.message = message
-        self._pending: zenoh.Query | None = pending
-
-    def reply(self, message: Message) -> None:
-        codec = codec_for(type(message))
-        try:
-            payload = codec.dumps(message)
-        except MalformedMessage as error:
-            return self.refuse(RefusalCode.INTERNAL, str(error))
-        if pending := self._take():
-            with pending:
-                pending.reply(pending.key_expr, payload, encoding=codec.encoding)
-        return None
-
-    def refuse(self, code: RefusalCode, text: str) -> None:
-        if pending := self._take():
-            refuse(pending, code, text)
-
-    def _take(self) -> zenoh.Query | None:
-        pending, self._pending = self._pending, None
-        return pending
-
-    def __del__(self) -> None:
-        self.refuse(RefusalCode.INTERNAL, "the service dropped the request")
-
-
-@dataclass(frozen=True)
-class Presence:
-    """A service came (``alive``) or went."""
-
-    service: ServiceId
-    alive: bool
-
-
-Event = Sample | Request | Presence
-
-
-def refuse(pending: zenoh.Query, code: RefusalCode, text: str) -> None:
-    codec = codec_for(Refusal)
-    try:
-        with pending:
-            pending.reply_err(codec.dumps(Refusal(code=code, text=text)), encoding=codec.encoding)
-    except zenoh.ZError:
-        log.debug("a refusal could not be sent: the caller or the session is gone", code=code)
+Event = Sample | Request[Any, Any] | Presence | Posted
 
 
 class _Source:
@@ -92,7 +49,7 @@ class _Source:
     ``low_priority``: it is read when nothing else waits.
     """
 
-    def __init__(self, depth: int, decode: Callable[[Any], Event | None], low_priority: bool = False) -> None:
+    def __init__(self, depth: int | None, decode: Callable[[Any], Event | None], low_priority: bool = False) -> None:
         self.low_priority = low_priority
         self.items: deque[Any] = deque(maxlen=depth)
         self.lock = threading.Lock()
@@ -132,6 +89,7 @@ class Inbox:
         self._alive: dict[str, bool] = {}
         self._wake: Callable[[], object] | None = None
         self._stopped = False
+        self._handlers = Handlers()
         self.received = 0
         self.malformed = Malformed()
 
@@ -139,6 +97,39 @@ class Inbox:
     def dropped(self) -> int:
         """Samples that newer ones pushed out before they were read."""
         return sum(source.dropped for source in self._sources)
+
+    # -- typed handlers ----------------------------------------------------------------------------------------------
+
+    def on(
+        self, topic: Topic[M], handler: Callable[[str, M], None], robot: str = "*", depth: int | None = None
+    ) -> Inbox:
+        """Subscribe; ``dispatch`` calls ``handler(robot, message)``. Raises ``ValueError`` for another handler."""
+        self._handlers.on(topic, handler)
+        return self.subscribe(topic, robot, depth)
+
+    def on_request(
+        self, query: Query[Q, R], handler: Callable[[Request[Q, R]], None], robot: str, low_priority: bool = False
+    ) -> Inbox:
+        """Serve a query; ``dispatch`` calls ``handler(request)``, which replies or refuses, now or later."""
+        self._handlers.on_request(query, handler)
+        return self.serve(query, robot, low_priority)
+
+    def on_presence(self, handler: Callable[[ServiceId, bool], None]) -> Inbox:
+        """Watch liveliness tokens; ``dispatch`` calls ``handler(service, alive)``."""
+        self._handlers.on_presence(handler)
+        return self.watch_services()
+
+    def poster(self, handler: Callable[[T], None]) -> Callable[[T], None]:
+        """A function that any thread may call with an item: ``dispatch`` then calls ``handler(item)`` in the reader's
+        thread. Nothing that is posted is dropped."""
+        source = self._add_source(None, lambda item: Posted(handler, item))
+        return lambda item: self._push(source, item)
+
+    def dispatch(self, event: Event) -> None:
+        """Bring an event to its handler. What the handler raises passes."""
+        self._handlers.dispatch(event)
+
+    # -- subscriptions -----------------------------------------------------------------------------------------------
 
     def subscribe(self, topic: Topic[Any], robot: str = "*", depth: int | None = None) -> Inbox:
         codec = codec_for(topic.model)
@@ -176,7 +167,7 @@ class Inbox:
         return self
 
     def watch_services(self) -> Inbox:
-        """Hear of every service that comes or goes, those already there included."""
+        """Receive a ``Presence`` for every liveliness token that appears or disappears, and for those already there."""
 
         def decode(change: tuple[str, bool]) -> Event | None:
             key, alive = change
@@ -260,7 +251,9 @@ class Inbox:
     ) -> None:
         self.close()
 
-    def _add_source(self, depth: int, decode: Callable[[Any], Event | None], low_priority: bool = False) -> _Source:
+    def _add_source(
+        self, depth: int | None, decode: Callable[[Any], Event | None], low_priority: bool = False
+    ) -> _Source:
         source = _Source(depth, decode, low_priority)
         self._sources.append(source)
         return source
@@ -268,11 +261,14 @@ class Inbox:
     def _pusher(self, source: _Source) -> Callable[[Any], None]:
         def push(item: Any) -> None:
             stay_attached()
-            if source.push(item):
-                self._tokens.put(source)
-            self._wake_reader()
+            self._push(source, item)
 
         return push
+
+    def _push(self, source: _Source, item: Any) -> None:
+        if source.push(item):
+            self._tokens.put(source)
+        self._wake_reader()
 
     def _wake_reader(self) -> None:
         if (wake := self._wake) is not None:

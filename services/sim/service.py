@@ -1,19 +1,22 @@
-"""The simulator on the bus: one thread, one inbox. It hears, steps, and tells."""
+"""The simulator on the bus: one thread, one inbox. It takes commands and requests, steps, and publishes."""
 
 from __future__ import annotations
 
 import time
 from typing import Any
 
-from rackhand.bus import Bus, Event, Presence, Publisher, Request, Sample
+from rackhand.bus import Bus, Publisher, Request
 from rackhand.bus.log import get_logger
 from rackhand.schemas import topics
+from rackhand.schemas.base import Message
+from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.motion import ArmCommand
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
-from rackhand.schemas.service import WORLD
+from rackhand.schemas.service import WORLD, ServiceId
 from rackhand.schemas.topics import Topic
+from rackhand.schemas.world import WorldReply, WorldRequest
 from rackhand.services.sim.session import Session
-from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS
+from rackhand.worlds.world_model import CONTROL_STEP_NS
 
 log = get_logger(__name__)
 
@@ -44,21 +47,22 @@ class SimService:
         self._inbox = bus.inbox()
         for arm in session.simulation.arms:
             self._publishers |= {(topic, arm): bus.publisher(topic, arm) for topic in ARM_TOPICS}
-            self._inbox.subscribe(topics.ARM_COMMAND, arm, depth=COMMAND_DEPTH)
+            self._inbox.on(topics.ARM_COMMAND, self._command, arm, COMMAND_DEPTH)
         for robot in session.simulation.robots:
             self._publishers |= {(topic, robot): bus.publisher(topic, robot) for topic in ROBOT_TOPICS}
-            self._inbox.subscribe(topics.COMMAND, robot, depth=COMMAND_DEPTH)
-        self._inbox.serve(topics.WORLD_CONTROL, WORLD)
-        self._inbox.watch_services()
-        self._advancing: Request | None = None
+            self._inbox.on(topics.COMMAND, self._command, robot, COMMAND_DEPTH)
+        self._inbox.on_request(topics.WORLD_CONTROL, self._serve, WORLD)
+        self._inbox.on_presence(self._presence)
+        self._robots = (*session.simulation.robots, *session.simulation.arms)
+        self._advancing: Request[WorldRequest, WorldReply] | None = None
         self._faults: set[tuple[str, str]] = set()
         self._waiting_for = ""
 
     def run(self) -> None:
         self._publish_models()
         self._publish_things()
-        self._bus.announce()
-        self._publish_instant()
+        self._bus.announce(*(ServiceId("driver", name) for name in self._robots))
+        self._publish_step()
         log.info("ready", world=self._session.simulation.world.name, seed=self._session.seed)
         while not self._bus.stopping:
             self._drain()
@@ -70,43 +74,38 @@ class SimService:
         self._finish_advance()
         match decision.kind:
             case "step":
-                simulation.step()
+                self._session.step()
                 self._publish_outputs()
                 if simulation.stamp % CONTROL_STEP_NS == 0:
                     self._publish_clock()
-            case "retell":
+            case "republish":
                 self._log_waiting()
-                self._publish_instant()
-            case "tell_clock":
+                self._publish_step()
+            case "publish_clock":
                 self._publish_clock()
             case "wait":
                 event = self._inbox.get(timeout=decision.seconds)
                 if event is not None:
-                    self._handle(event)
+                    self._inbox.dispatch(event)
 
-    # -- what is heard -----------------------------------------------------------------------------------------------
+    # -- commands and requests ---------------------------------------------------------------------------------------
 
     def _drain(self) -> None:
         for _ in range(READ_AHEAD):
             event = self._inbox.get(timeout=0)
             if event is None:
                 return
-            self._handle(event)
+            self._inbox.dispatch(event)
 
-    def _handle(self, event: Event) -> None:
-        match event:
-            case Sample(robot=robot, message=message):
-                if not self._session.command(robot, message):
-                    self._log_fault(robot, message)
-            case Presence(service=service, alive=False):
-                if self._session.gone(service):
-                    log.warning("a participant has gone; the world goes on without it", who=str(service))
-            case Request():
-                self._serve(event)
-            case _:
-                pass
+    def _command(self, robot: str, command: ChassisCommand | ArmCommand) -> None:
+        if not self._session.command(robot, command):
+            self._log_fault(robot, command)
 
-    def _serve(self, request: Request) -> None:
+    def _presence(self, service: ServiceId, alive: bool) -> None:
+        if not alive and self._session.gone(service):
+            log.warning("a participant disconnected; the simulation continues without it", who=str(service))
+
+    def _serve(self, request: Request[WorldRequest, WorldReply]) -> None:
         order = request.message.request
         try:
             reply = self._session.handle(request.message)
@@ -115,7 +114,7 @@ class SimService:
         if order.op != "inspect":
             log.info(order.op, **order.model_dump(exclude={"op"}, exclude_defaults=True))
         if order.op in ("reset", "pause") and self._advancing is not None:
-            self._advancing.refuse(RefusalCode.PRECONDITION, f"{order.op} came before the world had advanced so far")
+            self._advancing.refuse(RefusalCode.PRECONDITION, f"{order.op} came before the end of the advance")
             self._advancing = None
         self._publish_changes()
         if reply is None:
@@ -130,12 +129,12 @@ class SimService:
             self._advancing.reply(self._session.reply())
             self._advancing = None
 
-    # -- what is told ------------------------------------------------------------------------------------------------
+    # -- publications ------------------------------------------------------------------------------------------------
 
-    def _publish(self, topic: Topic[Any], robot: str, message: Any) -> None:
+    def _publish(self, topic: Topic[Any], robot: str, message: Message) -> None:
         self._publishers[topic, robot].put(message)
 
-    def _publish_instant(self) -> None:
+    def _publish_step(self) -> None:
         self._publish_outputs()
         self._publish_clock()
 
@@ -158,22 +157,23 @@ class SimService:
 
     def _publish_changes(self) -> None:
         changes = self._session.take_changes()
-        if changes.clock:  # before the instant: who hears the first of a new run must know that it is one
+        if changes.clock:  # before the measurements: a reader of the first of a new run must know that it is one
             self._publish_clock()
         if changes.things:
             self._publish_things()
-        if changes.instant:
-            self._publish_instant()
+        if changes.outputs:
+            self._publish_step()
 
-    def _log_fault(self, robot: str, command: Any) -> None:
-        """A command that is wrong in itself is told of once; late ones are no fault."""
+    def _log_fault(self, robot: str, command: ChassisCommand | ArmCommand) -> None:
+        """A command that is wrong in itself is logged once; late ones are no fault."""
         fault = self._session.simulation.arms[robot].fault_of(command) if isinstance(command, ArmCommand) else ""
         if fault and (robot, fault) not in self._faults:
             self._faults.add((robot, fault))
-            log.warning("a command is ignored; the next of its kind will be without a word", robot=robot, fault=fault)
+            log.warning("command ignored; further ones with this fault are not logged", robot=robot, fault=fault)
 
     def _log_waiting(self) -> None:
-        missing = ", ".join(str(s) for s in self._session.pacer.missing(self._session.simulation.stamp))
+        pacer, stamp = self._session.pacer, self._session.simulation.stamp
+        missing = ", ".join(str(service) for service in pacer.missing(stamp) or pacer.unanswered(stamp))
         if missing != self._waiting_for:
-            log.info("the world stands and waits", at=self._session.simulation.stamp, missing=missing or "nobody")
+            log.info("waiting for commands", stamp=stamp, missing=missing or "nobody")
             self._waiting_for = missing

@@ -155,7 +155,7 @@ class Cell:
             self.maps.use(self.maps.create(a_map(), 0))
         self.chassis = Chassis(self.motion, self.moves, self.maps, self.settings)
         self.chassis.on_message(chassis_model(limits=LIMITS.model_copy(update={"acceleration": 1000.0})))
-        self.chassis.set_driver_alive(True)
+        self.chassis.set_driver_fault("")
         self.sense()
 
     def sense(self) -> None:
@@ -189,7 +189,7 @@ class Cell:
         for _ in range(count):
             self.stamp += STEP
             self.sense()
-            command = self.chassis.tick()
+            command = self.chassis.tick(lockstep=True)
             self.twist = command.twist
             self.told += [(p.topic, p.message) for p in self.chassis.take_publications()]
         return command

@@ -14,9 +14,9 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from rackhand.schemas.fencing import FencingGuard
 from rackhand.schemas.motion import FencingToken
 from rackhand.services.controller.access.access import Access
-from rackhand.services.controller.access.hop import FencingGuard
 from rackhand.services.controller.access.streams import StreamGuard, StreamSample
 from rackhand.services.controller.access.types import (
     SECOND,

@@ -1,4 +1,4 @@
-"""The last check before the joints."""
+"""The fencing check of joint commands, used by both ends: the controller that sends them and the driver that obeys."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from rackhand.schemas.motion import FencingToken
 
 
 class FencingGuard:
-    """Lets only commands of the newest grant pass, each no older than the one before it.
+    """Admits only commands of the newest lease, each answering a state no older than the one before it.
 
-    It stands wherever commands enter a process that moves joints: late and replayed samples are real on a network.
-    Within an epoch a larger lease replaces a smaller one for good; an epoch once replaced never comes back. Stamps
-    start anew with each lease, so a controller whose clock is set back (a simulation's reset) takes a new epoch.
+    It belongs wherever commands enter a process that moves joints: late and replayed samples are real on a network.
+    Within an epoch a larger lease replaces a smaller one for good; an epoch once replaced is never admitted again.
+    Stamps start over with each lease, so a controller whose clock is set back (a simulation's reset) takes a new epoch.
+    Source of the scheme: Kleppmann 2016, "How to do distributed locking" (fencing tokens).
     """
 
     def __init__(self) -> None:
@@ -23,7 +24,7 @@ class FencingGuard:
         return self._newest
 
     def raise_to(self, token: FencingToken) -> bool:
-        """Makes ``token`` the newest, so that no older one passes even before its first command. False if it is old."""
+        """Make ``token`` the newest, so that no older one passes even before its first command. False if it is old."""
         newest = self._newest
         if token.epoch in self._retired or (newest and token.epoch == newest.epoch and token.lease < newest.lease):
             return False
@@ -34,7 +35,7 @@ class FencingGuard:
         return True
 
     def admit(self, token: FencingToken, answers: int) -> bool:
-        """Whether a command that answers the state stamped ``answers`` may reach the joints."""
+        """Whether a command that answers the state stamped ``answers`` (ns) may reach the joints."""
         if not self.raise_to(token) or answers < self._stamp:
             return False
         self._stamp = answers
