@@ -10,20 +10,10 @@ import pytest
 from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.motion import ArmState
 from rackhand.services.controller import ik
-from tests.system.station import (
-    OK,
-    Array,
-    Station,
-    check_commands,
-    check_limits,
-    first_rest,
-    off_line,
-    pose,
-    speeds,
-    tools,
-)
+from tests.joined.arm import JoinedArm
+from tests.joined.checks import OK, Array, check_commands, check_limits, first_rest, off_line, pose, speeds, tools
 
-Either = tuple[Station, ik.Arm]
+Either = tuple[JoinedArm, ik.Arm]
 
 
 def corner_path(arm: ik.Arm, kind: str) -> tuple[dict[str, Any], Array]:
