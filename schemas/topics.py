@@ -1,28 +1,39 @@
-"""The contract: one row a topic. Reference docs, access lists and the viewer's routing are derived from this table.
+"""The contract: one row a topic.
 
-Adding a topic is adding a row.
+Subscriptions, publications, rates, reference docs, access lists, the AsyncAPI document and the gateway's WebSocket
+topics are derived from this table.
+
+Adding a topic is adding a row; a query likewise.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 from rackhand.schemas import chassis, maps, motion, moves, service, world
-from rackhand.schemas.base import Message
+from rackhand.schemas import websocket as ws
+from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.service import WORLD
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
+Role = Literal["driver", "localiser", "planner", "controller", "sim", "gateway", "viewer", "node"]
+"""What a process does on the bus. The simulator has the roles sim, driver and localiser; ``node`` is any program of a
+user that is allowed to take part."""
+Owner = Literal["chassis", "arm", "world", "any"]
+"""Whose name is in a key: that of a mobile robot, of an arm, ``world``, or any of them (``cell`` too)."""
+
 
 class Qos(Enum):
     """How a topic is carried.
 
     ``STREAM``: newest wins, a slow reader loses old samples. ``COMMAND``: never dropped on the way, ahead of data.
-    ``EVENT``: every one arrives, in order. ``LATCHED``: like events, and who comes later gets the last one at once.
+    ``EVENT``: every one arrives, in order. ``LATCHED``: like events, and a late subscriber gets the last one at once.
     """
 
     STREAM = "stream"
@@ -33,227 +44,176 @@ class Qos(Enum):
 
 @dataclass(frozen=True)
 class Topic(Generic[M]):
-    """A published topic. ``key`` has ``{robot}`` where its name goes; rates in Hz of simulation time, 0 = on change."""
+    """A published topic.
+
+    ``key`` has ``{robot}`` where the name of its ``owner`` goes. ``publisher`` is the one role that may publish it (for
+    a command: the one commander), ``readers`` are the roles that subscribe to it; any node may, too. ``rate`` in Hz of
+    simulation time, 0 = on change. ``ws``: the gateway's WebSocket topics that change with it.
+    """
 
     name: str
     key: str
+    owner: Owner
     model: type[M]
-    publisher: str
+    publisher: Role | Literal["every service"]
+    readers: tuple[Role, ...]
     rate: float
     qos: Qos
     text: str
+    ws: tuple[type[ws.WsTopic], ...] = ()
 
     def key_for(self, robot: str) -> str:
         return self.key.format(robot=robot)
+
+    @property
+    def period_ns(self) -> int:
+        """Nanoseconds between two messages; 0 for a topic that is published on change."""
+        return round(NANOSECONDS / self.rate) if self.rate else 0
 
 
 @dataclass(frozen=True)
 class Query(Generic[Q, R]):
-    """A query: a request model in, a reply model out, a ``Refusal`` as the error."""
+    """A query: a request model in, a reply model out, a ``Refusal`` as the error.
+
+    ``server`` answers it, ``callers`` are the roles that may ask.
+    """
 
     name: str
     key: str
+    owner: Owner
     request: type[Q]
     reply: type[R]
-    server: str
-    commander: str
+    server: Role
+    callers: tuple[Role, ...]
     text: str
 
     def key_for(self, robot: str) -> str:
         return self.key.format(robot=robot)
 
 
-def _chassis(name: str, model: type[M], rate: float, qos: Qos, text: str, publisher: str = "driver") -> Topic[M]:
-    return Topic(f"chassis/{name}", f"rackhand/{{robot}}/chassis/{name}", model, publisher, rate, qos, text)
+def _chassis(
+    name: str,
+    model: type[M],
+    publisher: Role,
+    readers: tuple[Role, ...],
+    rate: float,
+    qos: Qos,
+    text: str,
+    *views: type[ws.WsTopic],
+) -> Topic[M]:
+    return Topic(name, f"rackhand/{{robot}}/{name}", "chassis", model, publisher, readers, rate, qos, text, views)
 
 
-ODOMETRY = _chassis("odometry", chassis.Odometry, 50, Qos.STREAM, "wheel odometry; last of what belongs to one instant")
-SCAN = _chassis("scan", chassis.Scan, 12.5, Qos.STREAM, "2-D lidar")
-IMU = _chassis("imu", chassis.Imu, 50, Qos.STREAM, "angular velocity and specific force")
-JACK = _chassis("jack", chassis.Jack, 5, Qos.STREAM, "jack state and progress")
-BATTERY = _chassis("battery", chassis.Battery, 1, Qos.STREAM, "charge, voltage, current")
-CONTACTS = _chassis("contacts", chassis.Contacts, 10, Qos.STREAM, "bumpers, charging contacts, cable, stop button")
-CHASSIS_MODEL = _chassis(
-    "model", chassis.ChassisModel, 0, Qos.LATCHED, "footprint, limits, lidar, jack and charge contact"
-)
-POSE = _chassis("pose", chassis.LocalisedPose, 25, Qos.STREAM, "localised pose in the map", publisher="localisation")
-CHASSIS_STATUS = _chassis("status", chassis.ChassisStatus, 0, Qos.LATCHED, "mode, stops, alerts", publisher="planner")
-COMMAND = _chassis("command", chassis.ChassisCommand, 25, Qos.COMMAND, "body velocity and jack", publisher="planner")
-COSTMAP = _chassis("costmap", chassis.Costmap, 1, Qos.STREAM, "what the planner steers by nearby", publisher="planner")
+def _arm(
+    name: str, model: type[M], publisher: Role, readers: tuple[Role, ...], rate: float, qos: Qos, text: str
+) -> Topic[M]:
+    return Topic(name, f"rackhand/{{robot}}/{name}", "arm", model, publisher, readers, rate, qos, text)
 
-PLANNING_STATE = Topic(
-    "moves/planning_state",
-    "rackhand/{robot}/moves/planning_state",
-    moves.PlanningState,
-    "planner",
-    5,
-    Qos.LATCHED,
-    "state of the current or last move",
-)
-PATH = Topic(
-    "moves/path", "rackhand/{robot}/moves/path", moves.PlannedPath, "planner", 5, Qos.LATCHED, "the path ahead"
-)
-MOVE_EVENT = Topic(
-    "moves/event", "rackhand/{robot}/moves/event", moves.MoveEvent, "planner", 0, Qos.EVENT, "what happened to a move"
-)
-MAP = Topic("map", "rackhand/{robot}/map", maps.CurrentMap, "planner", 0, Qos.LATCHED, "map in use, with overlays")
 
-ARM_STATE = Topic(
-    "arm/state",
-    "rackhand/{robot}/arm/state",
-    motion.ArmState,
-    "driver",
-    500,
-    Qos.STREAM,
-    "joint positions, velocities, efforts, flange wrench",
-)
-ARM_MODEL = Topic(
-    "arm/model",
-    "rackhand/{robot}/arm/model",
-    motion.ArmModel,
-    "driver",
-    0,
-    Qos.LATCHED,
-    "which arm it is, and where its base stands",
-)
-ARM_COMMAND = Topic(
-    "arm/command",
-    "rackhand/{robot}/arm/command",
-    motion.ArmCommand,
-    "controller",
-    250,
-    Qos.COMMAND,
-    "joint positions, velocities or torques, with the fencing token",
-)
-MOTION_STATUS = Topic(
-    "motion/status",
-    "rackhand/{robot}/motion/status",
-    motion.MotionStatus,
-    "controller",
-    25,
-    Qos.STREAM,
-    "the arm's CRF status",
-)
-MOTION_EVENT = Topic(
-    "motion/event",
-    "rackhand/{robot}/motion/event",
-    motion.MotionEvent,
-    "controller",
-    0,
-    Qos.EVENT,
-    "control granted and lost, stops",
-)
-MOTION_PATH = Topic(
-    "motion/path",
-    "rackhand/{robot}/motion/path",
-    motion.MotionPath,
-    "controller",
-    0,
-    Qos.LATCHED,
-    "the tool's way through all that is queued",
-)
-MOTION_DIAGNOSTICS = Topic(
-    "motion/diagnostics",
-    "rackhand/{robot}/motion/diagnostics",
-    motion.MotionDiagnostics,
-    "controller",
-    25,
-    Qos.STREAM,
-    "tracking errors, time of ticks and of the solver, late ticks",
-)
-MOTION_STREAM = Topic(
-    "motion/stream",
-    "rackhand/{robot}/motion/stream",
-    motion.MotionStream,
-    "controller",
-    0,
-    Qos.EVENT,
-    "status streams, each for one session",
-)
-MOTION_SESSION = Topic(
-    "motion/session",
-    "rackhand/{robot}/motion/session",
-    motion.SessionGone,
-    "gateway",
-    0,
-    Qos.EVENT,
-    "a client's connection is gone",
-)
+def _world(name: str, model: type[M], readers: tuple[Role, ...], rate: float, qos: Qos, text: str) -> Topic[M]:
+    return Topic(name, f"rackhand/world/{name}", "world", model, "sim", readers, rate, qos, text)
 
-BUS_STATS = Topic(
-    "bus/stats",
-    "rackhand/{robot}/bus/stats",
-    service.BusStats,
-    "every service",
-    0,
-    Qos.STREAM,
-    "what its inboxes read, lost and could not parse, once a second of the machine's time",
-)
 
-CLOCK = Topic("clock", "rackhand/world/clock", world.Clock, "sim", 50, Qos.STREAM, "simulation time, speed, paused")
-OBJECTS = Topic("objects", "rackhand/world/objects", world.Objects, "sim", 25, Qos.STREAM, "true poses, for judges")
-SCENE = Topic("scene", "rackhand/world/scene", world.Scene, "sim", 0, Qos.LATCHED, "geometry as data, for viewers")
+# fmt: off
+ODOMETRY = _chassis("chassis/odometry", chassis.Odometry, "driver", ("planner", "gateway", "viewer"), 50, Qos.STREAM,
+                    "wheel odometry; last of what is measured at one control step", ws.MotionMetrics)
+SCAN = _chassis("chassis/scan", chassis.Scan, "driver", ("planner", "gateway", "viewer"), 12.5, Qos.STREAM,
+                "2-D lidar", ws.MatchedPoints)
+IMU = _chassis("chassis/imu", chassis.Imu, "driver", (), 50, Qos.STREAM, "angular velocity and specific force")
+JACK = _chassis("chassis/jack", chassis.Jack, "driver", ("planner", "gateway", "viewer"), 5, Qos.STREAM,
+                "jack state and progress", ws.JackState)
+BATTERY = _chassis("chassis/battery", chassis.Battery, "driver", ("planner", "gateway", "viewer"), 1, Qos.STREAM,
+                   "charge, voltage, current", ws.BatteryState)
+CONTACTS = _chassis("chassis/contacts", chassis.Contacts, "driver", ("planner", "viewer"), 10, Qos.STREAM,
+                    "bumpers, charging contacts, cable, stop button")
+CHASSIS_MODEL = _chassis("chassis/model", chassis.ChassisModel, "driver", ("planner", "gateway", "viewer"), 0,
+                         Qos.LATCHED, "footprint, limits, lidar, jack and charge contact", ws.RobotModel)
+POSE = _chassis("chassis/pose", chassis.LocalisedPose, "localiser", ("planner", "gateway", "viewer"), 25, Qos.STREAM,
+                "localised pose in the map", ws.TrackedPose, ws.SlamState, ws.MatchedPoints)
+CHASSIS_STATUS = _chassis("chassis/status", chassis.ChassisStatus, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
+                          "mode, stops, alerts", ws.WheelState, ws.ChassisState, ws.Alerts)
+COMMAND = _chassis("chassis/command", chassis.ChassisCommand, "planner", ("driver", "viewer"), 25, Qos.COMMAND,
+                   "body velocity and jack")
+COSTMAP = _chassis("chassis/costmap", chassis.Costmap, "planner", ("viewer",), 1, Qos.STREAM, "local costmap")
+PLANNING_STATE = _chassis("moves/planning_state", moves.PlanningState, "planner", ("gateway", "viewer"), 5,
+                          Qos.LATCHED, "state of the current or last move", ws.PlanningStateFrame)
+PATH = _chassis("moves/path", moves.PlannedPath, "planner", ("gateway", "viewer"), 5, Qos.LATCHED, "the path ahead",
+                ws.PathFrame)
+MOVE_EVENT = _chassis("moves/event", moves.MoveEvent, "planner", ("viewer",), 0, Qos.EVENT,
+                      "a move was created, replanned, blocked, ended")
+MAP = _chassis("map", maps.CurrentMap, "planner", ("gateway", "viewer"), 0, Qos.LATCHED, "map in use, with overlays",
+               ws.MapFrame, ws.MapInfo, ws.SlamState)
 
-MOVES = Query(
-    "moves/command",
-    "rackhand/{robot}/moves/command",
-    moves.MoveRequest,
-    moves.MoveReply,
-    "planner",
-    "gateway, anyone allowed",
-    "create, get, list, cancel moves",
-)
-CHASSIS_REQUEST = Query(
-    "chassis/request",
-    "rackhand/{robot}/chassis/request",
-    chassis.ChassisRequest,
-    chassis.Done,
-    "planner",
-    "gateway, anyone allowed",
-    "jack, control mode, emergency stop, remote twist, pose",
-)
-MAPS = Query(
-    "maps",
-    "rackhand/{robot}/maps",
-    maps.MapRequest,
-    maps.MapReply,
-    "planner",
-    "gateway, anyone allowed",
-    "the robot's map store and the choice of the current map",
-)
-MOTION = Query(
-    "motion/command",
-    "rackhand/{robot}/motion/command",
-    motion.CrfCall,
-    motion.CrfAnswer,
-    "controller",
-    "anyone allowed",
-    "a CRF request in, its reply out",
-)
-MOTION_STOP = Query(
-    "motion/stop",
-    "rackhand/{robot}/motion/stop",
-    motion.CrfCall,
-    motion.CrfAnswer,
-    "controller",
-    "anyone allowed",
-    "softStop and hardStop, never behind a queue",
-)
-WORLD_CONTROL = Query(
-    "world/control",
-    "rackhand/world/control",
-    world.WorldRequest,
-    world.WorldReply,
-    "sim",
-    "tests, users, participants",
-    "join, pause, advance, speed, reset, place, faults, inspect",
-)
+ARM_STATE = _arm("arm/state", motion.ArmState, "driver", ("controller",), 500, Qos.STREAM,
+                 "joint positions, velocities, efforts, flange wrench")
+ARM_MODEL = _arm("arm/model", motion.ArmModel, "driver", ("viewer",), 0, Qos.LATCHED, "kind of arm, pose of its base")
+ARM_COMMAND = _arm("arm/command", motion.ArmCommand, "controller", ("driver",), 250, Qos.COMMAND,
+                   "joint positions, velocities or torques, with the fencing token")
+MOTION_STATUS = _arm("motion/status", motion.MotionStatus, "controller", ("viewer",), 25, Qos.STREAM,
+                     "the arm's CRF status")
+MOTION_EVENT = _arm("motion/event", motion.MotionEvent, "controller", ("gateway", "viewer"), 0, Qos.EVENT,
+                    "control granted and lost, stops")
+MOTION_PATH = _arm("motion/path", motion.MotionPath, "controller", ("viewer",), 0, Qos.LATCHED,
+                   "path of the tool through all queued waypoints")
+MOTION_DIAGNOSTICS = _arm("motion/diagnostics", motion.MotionDiagnostics, "controller", ("viewer",), 25, Qos.STREAM,
+                          "tracking errors, time of ticks and of the solver, late ticks")
+MOTION_STREAM = _arm("motion/stream", motion.MotionStream, "controller", ("gateway",), 0, Qos.EVENT,
+                     "status streams, each for one session")
+MOTION_SESSION = _arm("motion/session", motion.SessionGone, "gateway", ("controller",), 0, Qos.EVENT,
+                      "a client's connection was closed")
 
-TOPICS: tuple[Topic[Any], ...] = (
-    ODOMETRY, SCAN, IMU, JACK, BATTERY, CONTACTS, CHASSIS_MODEL, POSE, CHASSIS_STATUS, COMMAND, COSTMAP,
-    PLANNING_STATE, PATH, MOVE_EVENT, MAP, ARM_STATE, ARM_MODEL, ARM_COMMAND, MOTION_STATUS, MOTION_EVENT, MOTION_PATH,
-    MOTION_DIAGNOSTICS, MOTION_STREAM, MOTION_SESSION, BUS_STATS, CLOCK, OBJECTS, SCENE,
-)  # fmt: skip
-QUERIES: tuple[Query[Any, Any], ...] = (MOVES, CHASSIS_REQUEST, MAPS, MOTION, MOTION_STOP, WORLD_CONTROL)
+BUS_STATS = Topic("bus/stats", "rackhand/{robot}/bus/stats", "any", service.BusStats, "every service", ("viewer",), 0,
+                  Qos.STREAM, "samples a service's inboxes read, lost and could not parse, each second of wall time")
 
-__all__ = ["QUERIES", "TOPICS", "WORLD", "Qos", "Query", "Topic"]
+CLOCK = _world("clock", world.Clock, ("planner", "controller", "gateway", "viewer"), 50, Qos.STREAM,
+               "simulation time, speed, paused")
+OBJECTS = _world("objects", world.Objects, ("viewer",), 25, Qos.STREAM, "ground-truth poses")
+SCENE = _world("scene", world.Scene, ("viewer",), 0, Qos.LATCHED, "geometry as data, for viewers")
+
+MOVES = Query("moves/command", "rackhand/{robot}/moves/command", "chassis", moves.MoveRequest, moves.MoveReply,
+              "planner", ("gateway", "node"), "create, get, list, cancel moves")
+CHASSIS_REQUEST = Query("chassis/request", "rackhand/{robot}/chassis/request", "chassis", chassis.ChassisRequest,
+                        chassis.Done, "planner", ("gateway", "node"),
+                        "jack, control mode, emergency stop, remote twist, pose")
+MAPS = Query("maps", "rackhand/{robot}/maps", "chassis", maps.MapRequest, maps.MapReply, "planner",
+             ("gateway", "node"), "the robot's map store and the choice of the current map")
+MOTION = Query("motion/command", "rackhand/{robot}/motion/command", "arm", motion.CrfCall, motion.CrfAnswer,
+               "controller", ("gateway", "node"), "a CRF request in, its reply out")
+MOTION_STOP = Query("motion/stop", "rackhand/{robot}/motion/stop", "arm", motion.CrfCall, motion.CrfAnswer,
+                    "controller", ("gateway", "node"), "softStop and hardStop, not queued behind other requests")
+WORLD_CONTROL = Query("world/control", "rackhand/world/control", "world", world.WorldRequest, world.WorldReply, "sim",
+                      ("planner", "controller", "node"), "join, pause, advance, speed, reset, place, faults, inspect")
+# fmt: on
+
+TOPICS: tuple[Topic[Any], ...] = tuple(row for row in list(globals().values()) if isinstance(row, Topic))
+QUERIES: tuple[Query[Any, Any], ...] = tuple(row for row in list(globals().values()) if isinstance(row, Query))
+
+
+def published_by(*roles: Role, owner: Owner | None = None) -> tuple[Topic[Any], ...]:
+    """The topics that a process with these roles publishes; with ``owner``, only those under names of that kind.
+
+    ``BUS_STATS``, which the bus publishes for every service, is not among them.
+    """
+    return tuple(topic for topic in _owned(owner) if topic.publisher in roles)
+
+
+def read_by(*roles: Role, owner: Owner | None = None) -> tuple[Topic[Any], ...]:
+    """The topics that a process with these roles subscribes to; with ``owner``, only those under names of that kind."""
+    return tuple(topic for topic in _owned(owner) if set(topic.readers) & set(roles))
+
+
+def served_by(role: Role) -> tuple[Query[Any, Any], ...]:
+    """The queries that a role answers."""
+    return tuple(query for query in QUERIES if query.server == role)
+
+
+def websocket_topics() -> tuple[type[ws.WsTopic], ...]:
+    """Every topic of the gateway's chassis WebSocket, each once."""
+    return tuple(dict.fromkeys(view for topic in TOPICS for view in topic.ws))
+
+
+def _owned(owner: Owner | None) -> Iterable[Topic[Any]]:
+    return (topic for topic in TOPICS if owner is None or topic.owner == owner)
+
+
+__all__ = ["QUERIES", "TOPICS", "WORLD", "Qos", "Query", "Topic", "published_by", "read_by", "served_by"]

@@ -21,14 +21,16 @@ Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
 def topic_table() -> Table:
     """Header and rows of all published topics."""
-    header: tuple[str, ...] = ("key", "message", "published by", "rate", "QoS", "what")
+    header: tuple[str, ...] = ("key", "message", "published by", "read by", "rate", "QoS", "WebSocket", "what")
     rows: list[tuple[str, ...]] = [
         (
             _shown(topic.key),
             _type(topic.model),
             topic.publisher,
+            ", ".join(topic.readers) or "–",
             f"{topic.rate:g} Hz" if topic.rate else "on change",
             topic.qos.value,
+            ", ".join(f"`{view.TOPIC}`" for view in topic.ws) or "–",
             topic.text,
         )
         for topic in TOPICS
@@ -40,7 +42,7 @@ def query_table() -> Table:
     """Header and rows of all queries."""
     header: tuple[str, ...] = ("key", "request", "reply", "answered by", "asked by", "what")
     rows: list[tuple[str, ...]] = [
-        (_shown(q.key), _type(q.request), _type(q.reply), q.server, q.commander, q.text) for q in QUERIES
+        (_shown(q.key), _type(q.request), _type(q.reply), q.server, ", ".join(q.callers), q.text) for q in QUERIES
     ]
     return header, rows
 
