@@ -25,7 +25,7 @@ from rackhand.services.controller.motion.profile import configuration
 from rackhand.services.controller.motion.status import Observer, StatusCodes
 from rackhand.services.controller.trajectory.model import Array, PathRefused, Pose
 
-NO_DRIVER = "the arm's driver is not connected"
+NO_DRIVER = "the arm driver is not connected"
 STANDSTILL = 0.05  # rad/s measured
 Finish = Callable[[GrantedCommand, Message, str], None]
 
@@ -48,6 +48,7 @@ class ArmControl:
         self._plans: PathPlanner[GrantedCommand] = PathPlanner(pool, period_ns * 1e-9)
         self.configuration: RobotConfiguration = configuration(arm, self.motion.profile, period_ns)
         self.complete_status: Callable[[MotionStatus, int], MotionStatus] = lambda status, _: status
+        self.driver_fault = NO_DRIVER  # why no arm state was received, for as long as none is
         self.reset(())
 
     def reset(self, codes: tuple[CrfCode, ...]) -> None:
@@ -99,7 +100,7 @@ class ArmControl:
     ) -> Result | None:
         """Plans a path; its caller is answered when the plan is known. ``points``: number of its waypoints."""
         if not self.connected:
-            return Result.failed(CrfCode.Forbidden, NO_DRIVER)
+            return Result.failed(CrfCode.Forbidden, self.driver_fault)
         if self._plans.full:
             return Result.failed(CrfCode.ServiceUnavailable, "too many paths are waiting to be planned")
         self._begin_motion()
@@ -112,7 +113,7 @@ class ArmControl:
         """Follows a velocity or torque from now on, unless ``sample`` is stale. Paths that are being planned are
         dropped in favour of ``name``."""
         if not self.connected:
-            return Result.failed(CrfCode.Forbidden, NO_DRIVER)
+            return Result.failed(CrfCode.Forbidden, self.driver_fault)
         fresh = self._guard.offer(sample, self.now)
         if not fresh.ok:
             return Result.failed(fresh.code, fresh.text, fresh.detail)
@@ -130,14 +131,14 @@ class ArmControl:
 
     def set_suction(self, suction: bool) -> Result:
         if not self.connected:
-            return Result.failed(CrfCode.Forbidden, NO_DRIVER)
+            return Result.failed(CrfCode.Forbidden, self.driver_fault)
         self.suction = suction
         return Result.done()
 
     def start_control_loop(self) -> Result:
         """A control loop without motion: the status codes of the last motion are cleared."""
         if not self.connected:
-            return Result.failed(CrfCode.Forbidden, NO_DRIVER)
+            return Result.failed(CrfCode.Forbidden, self.driver_fault)
         self._begin_motion()
         return Result.done()
 

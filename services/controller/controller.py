@@ -112,6 +112,7 @@ class Controller:
         epoch, stamp = self.access.epoch, self._arm.now
         self.access, self._requests.dispatcher = self._new_access()
         self._arm.reset((CrfCode.Disconnected,))
+        self._arm.driver_fault = why
         self._reports.reset()
         if held is not None:
             info = ControlInfo(
