@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rackhand.services.controller import ik
-from rackhand.services.sim.world.worldfile import World, load_world
+from rackhand.worlds.world_model import World, load_world
 from tests.joined.arm import JoinedArm
 from tests.joined.world import JoinedWorld
 
