@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rackhand.schemas.arrays import Array
 from rackhand.schemas.crf import CrfCode
 from rackhand.services.controller import ik
-from rackhand.services.controller.trajectory.model import Array
 from tests.controller.cell import FR3, PERIOD_NS, UR5E, PerfectArm, moved, pose
 
 BAD = {"code": 400, "detail": 0}
@@ -399,7 +399,7 @@ def test_a_posture_is_drawn_to_while_the_tool_keeps_its_path() -> None:
 
 def test_bad_parameters_change_nothing() -> None:
     cell = PerfectArm()
-    before = cell.controller.motion.solver.objectives.state()
+    before = cell.controller.motion.solver.ik.objectives.state()
     for functions in (
         {"JointLimits": {"enable": True}, "Manipulability": {"enable": True, "p": 1.0}},
         {"CollisionAvoidanceSphere": {"enable": True}},
@@ -409,7 +409,7 @@ def test_bad_parameters_change_nothing() -> None:
         )
         assert answer["message"] == BAD
     assert not cell.controller.motion.tuning.shapes_paths
-    assert cell.controller.motion.solver.objectives.state() == before
+    assert cell.controller.motion.solver.ik.objectives.state() == before
 
 
 def test_the_seed_of_inverse_kinematics_is_where_the_arm_stands() -> None:

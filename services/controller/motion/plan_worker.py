@@ -80,7 +80,7 @@ class PathPlanner(Generic[T]):
         job = self._jobs[0] if self._jobs else None
         if job is None or job.future is not None:
             return
-        job.from_rest = not queue.legs
+        job.from_rest = not queue.motions
         if lockstep or job.from_rest:
             ticks = 1
         else:
@@ -134,9 +134,9 @@ def _shifted(queue: MotionQueue, by: float) -> MotionQueue:
     """``queue``, which begins at rest, ``by`` seconds later."""
     if by <= 0:
         return queue
-    legs = tuple(
-        replace(leg, motion=leg.motion.shifted(by), begin=leg.begin + by)
-        for leg in queue.legs
-        if isinstance(leg.motion, Motion)
+    motions = tuple(
+        replace(queued, motion=queued.motion.shifted(by), begin=queued.begin + by)
+        for queued in queue.motions
+        if isinstance(queued.motion, Motion)
     )
-    return replace(queue, legs=legs)
+    return replace(queue, motions=motions)
