@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -72,7 +71,7 @@ def main(
     set_niceness(PLANNER)
     caps = SpeedCaps(max_forward_velocity or math.inf, max_angular_velocity or math.inf)
     settings = ChassisSettings(
-        remote=RemoteSettings(replace(REMOTE_LIMITS, max_forward_velocity=remote_max_forward_velocity)),
+        remote=RemoteSettings(REMOTE_LIMITS._replace(max_forward_velocity=remote_max_forward_velocity)),
         refuse_moves_while_jacking=refuse_moves_while_jacking,
     )
     navigation = NavigationSettings(caps=caps)
