@@ -28,7 +28,7 @@ workspace and the arm's own are linear rows:
 A velocity that somebody holds without knowing what lies ahead is paced, so that the tool stays on its line:
 
     >>> twist = np.array([0.0, 0.0, 0.25, 0.0, 0.0, 0.0])
-    >>> 0.0 <= servo.pace(q, v, twist) <= 1.0
+    >>> 0.0 <= servo.twist_scale(q, v, twist) <= 1.0
     True
 
 How: the tick is one QP, min ½|J v - w|²_W + ½ μ|v - g|² in a box of velocities from which every joint can still brake,
@@ -49,7 +49,7 @@ from rackhand.services.controller.ik.arm import Arm, ArmError, ArmLimits, Sphere
 from rackhand.services.controller.ik.collision import Zone
 from rackhand.services.controller.ik.objectives import ObjectiveError, Objectives
 from rackhand.services.controller.ik.pose import PoseSolution, solve_pose
-from rackhand.services.controller.ik.servo import DifferentialIk, Settings, Solver, Step, forward, velocity_box
+from rackhand.services.controller.ik.servo import DifferentialIk, Solver, SolverSettings, Step, forward, velocity_box
 
 __all__ = [
     "Arm",
@@ -59,8 +59,8 @@ __all__ = [
     "ObjectiveError",
     "Objectives",
     "PoseSolution",
-    "Settings",
     "Solver",
+    "SolverSettings",
     "Sphere",
     "Step",
     "Zone",
