@@ -11,12 +11,7 @@ from hypothesis import strategies as st
 from rackhand.services.controller.ik import Arm, SolverSettings, load_arm, velocity_box
 from rackhand.services.controller.ik import kernels as k
 from rackhand.services.controller.ik.collision import RESERVE, Zone, build_table, collision_rows, gap
-from rackhand.services.controller.ik.objectives import (
-    CollisionAvoidanceSphere,
-    DesiredJointPositions,
-    JointLimitAvoidance,
-    ManipulabilityAscent,
-)
+from rackhand.services.controller.ik.objectives import KINDS, CollisionAvoidanceSphere, DesiredJointPositions
 from rackhand.services.controller.ik.servo import arm_tables
 
 _UR5E = load_arm("ur5e")
@@ -103,9 +98,7 @@ def test_manipulability(arm: Arm) -> None:
     assert k.manipulability(jac) == pytest.approx(np.sqrt(np.linalg.det(jac @ jac.T)), rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    "kind", [DesiredJointPositions, JointLimitAvoidance, ManipulabilityAscent, CollisionAvoidanceSphere]
-)
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 def test_objective_is_the_slope_of_its_cost(arm: Arm, kind: type) -> None:
     random = np.random.default_rng(1)
     objective = kind(arm)
