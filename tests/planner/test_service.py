@@ -24,6 +24,16 @@ SIM = ServiceId("sim", "world")
 MS = 1_000_000
 
 
+class AtOnce:
+    """A store whose changes are on disk when they are made."""
+
+    submitted, path = 0, ""
+
+    def on_settled(self, _: Any) -> None: ...
+
+    def settle(self, settled: Any) -> None: ...
+
+
 @pytest.fixture
 def bus() -> ListBus:
     return ListBus()
@@ -36,7 +46,7 @@ def cell(make_cell: Callable[..., Cell]) -> Cell:
 
 def run(bus: ListBus, cell: Cell, *batches: list[Any]) -> None:
     bus.batches = [list(batch) for batch in batches]
-    PlannerService(bus, "amr1", cell.chassis, lambda: bus.now).run()  # type: ignore[arg-type]
+    PlannerService(bus, "amr1", cell.chassis, AtOnce(), lambda: bus.now).run()  # type: ignore[arg-type]
 
 
 def sample(topic: Any, message: Message) -> Sample:
@@ -64,6 +74,13 @@ def instant(cell: Cell, milliseconds: int, run: str = "first") -> list[Any]:
 
 def create(**fields: Any) -> Asked:
     return Asked(topics.MOVES, MoveRequest(request=CreateMove(move=MoveCreate(target_x=1.0, target_y=1.0, **fields))))
+
+
+def test_it_reads_and_serves_what_the_topic_table_says(bus: ListBus, cell: Cell) -> None:
+    run(bus, cell, [])
+    assert {row.name for row in bus.subscribed} == {
+        row.name for row in (*topics.read_by("planner"), *topics.served_by("planner"))
+    }
 
 
 def test_each_period_gets_one_answer_and_a_repeated_instant_the_same(bus: ListBus, cell: Cell) -> None:
