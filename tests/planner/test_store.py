@@ -37,9 +37,9 @@ class Planner(ListBus):
         self.posted: queue.SimpleQueue[Posted] = queue.SimpleQueue()
         self.store = PlannerStore(path, "amr1")
         self.cell = cell
-        model = cell.chassis._sensed.model
+        model = cell.chassis._state.model
         assert model is not None
-        cell.chassis = Chassis(cell.navigator, self.store.moves, self.store.maps)
+        cell.chassis = Chassis(cell.motion, self.store.moves, self.store.maps)
         self.service = PlannerService(self, "amr1", cell.chassis, self.store)  # type: ignore[arg-type]
         cell.chassis.on_message(model)
         cell.chassis.set_driver_fault("")
@@ -101,7 +101,7 @@ def test_no_statement_runs_in_the_control_thread(planner: Planner) -> None:
     planner.in_thread(lambda c: c.set_trace_callback(lambda _: ran.append(threading.get_ident())))
     first, second = planner.move(CREATE), planner.move(CREATE)
     planner.settle_all()
-    planner.cell.navigator.ticks = [ZeroDivisionError("by zero")]
+    planner.cell.script.ticks = [ZeroDivisionError("by zero")]
     with pytest.raises(ZeroDivisionError):
         planner.service.tick(False)
     planner.service.tick_failed(ZeroDivisionError("by zero"))
@@ -192,7 +192,7 @@ def test_a_map_that_cannot_be_stored_is_refused_and_undone(planner: Planner) -> 
     assert running.answer is not None
     assert planner.map(ListMaps()).answer.maps == rows
     assert planner.store.maps.current is not None and planner.store.maps.current.map_name == "hall"
-    assert planner.cell.navigator.map is not None and planner.cell.navigator.map.map_name == "hall"
+    assert planner.cell.motion.map is not None and planner.cell.motion.map.map_name == "hall"
     assert planner.published(topics.MAP)[-1].map.map_name == "hall"
     planner.make_room()
     created = planner.map(a_map("second"))
