@@ -125,6 +125,31 @@ class MapFrame(WsTopic):
     data: str
 
 
+class MapFileFrame(WsTopic):
+    """the same as `/map`, with the PNG as a file: GET `data_url`, relative to the API's root"""
+
+    TOPIC = "/map_v2"
+
+    stamp: float
+    resolution: float
+    size: tuple[int, int]
+    origin: Xy
+    data_url: str
+
+
+class CostmapFrame(WsTopic):
+    """the local costmap as a PNG file: GET `data_url`; 0 free, 200 and more occupied, cells not known are 0"""
+
+    TOPIC = "/map/costmap_v2"
+    RATE = 1.0
+
+    stamp: float
+    resolution: float
+    size: tuple[int, int]
+    origin: Xy
+    data_url: str
+
+
 class MapInfo(WsTopic):
     """name, version and overlays (GeoJSON) of the map in use"""
 

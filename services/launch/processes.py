@@ -214,10 +214,10 @@ def _controller_arguments(options: CellOptions, arm: str, kind: str) -> tuple[st
 
 
 def _gateway_arguments(options: CellOptions, cast: RobotSet) -> tuple[str, ...]:
-    """The gateway is the API of the first chassis, and healthy when all that act are there."""
+    """The gateway serves every robot, the first chassis as the default, and is healthy when all that act are up."""
     arguments = ["--host", options.http.host, "--port", str(options.http.port)]
-    if cast.chassis:
-        arguments += ["--robot", cast.chassis[0]]
+    for robot in cast.chassis:
+        arguments += ["--robot", robot]
     for arm in cast.arms:
         arguments += ["--arm", arm]
     for arm, address in options.crf.items():

@@ -1,4 +1,4 @@
-"""Reference tables for readers, made from the contract: topics, queries, reasons why moves fail."""
+"""Reference tables, generated from the contract: topics, queries, WebSocket topics, reasons why moves fail."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from rackhand.schemas import crf_requests as crf
 from rackhand.schemas.base import Message
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.motion import RefusalDetail
-from rackhand.schemas.topics import QUERIES, TOPICS
+from rackhand.schemas.topics import QUERIES, TOPICS, websocket_topics
+from rackhand.services.launch import access_control, asyncapi
 
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
@@ -47,6 +48,15 @@ def query_table() -> Table:
     return header, rows
 
 
+def websocket_table() -> Table:
+    """Header and rows of the gateway's chassis WebSocket."""
+    header: tuple[str, ...] = ("topic", "what", "at most", "on `/ws/topics`")
+    return header, [
+        (f"`{view.TOPIC}`", view.__doc__ or "", f"{view.RATE:g} Hz", f"`{view.LEGACY}`" if view.LEGACY else "the same")
+        for view in websocket_topics()
+    ]
+
+
 def fail_reason_table() -> Table:
     """Header and rows of all ``MoveFailReason`` values."""
     header: tuple[str, ...] = ("code", "`fail_reason_str` of REST", "name")
@@ -57,7 +67,7 @@ def fail_reason_table() -> Table:
 
 
 def crf_request_table() -> Table:
-    """Header and rows of what a CRF client may ask."""
+    """Header and rows of the requests of CRF clients."""
     header: tuple[str, ...] = ("command", "fields", "answer", "what")
     return header, [
         (
@@ -121,6 +131,7 @@ def plain(table: Table) -> str:
 BLOCKS: dict[str, Callable[[], Table]] = {
     "topics": topic_table,
     "queries": query_table,
+    "websocket": websocket_table,
     "fail-reasons": fail_reason_table,
     "crf-requests": crf_request_table,
     "crf-refusals": refusal_table,
@@ -129,7 +140,7 @@ _BLOCK = re.compile(r"(<!-- generated: (?P<name>[a-z-]+) -->\n).*?(<!-- end -->)
 
 
 def refresh(text: str) -> str:
-    """A Markdown page with its generated blocks made anew. Raises ``KeyError`` for a block of an unknown name."""
+    """A Markdown page with its generated blocks renewed. Raises ``KeyError`` for a block of an unknown name."""
     return _BLOCK.sub(lambda block: f"{block[1]}{markdown(BLOCKS[block['name']]())}\n{block[3]}", text)
 
 
@@ -141,12 +152,21 @@ def _type(model: type[Message]) -> str:
     return f"`{model.__module__.removeprefix('rackhand.schemas.')}.{model.__name__}`"
 
 
+def files() -> dict[str, Callable[[], str]]:
+    """Whole files that are generated, by their names in the folder of pages."""
+    return {"asyncapi.json": asyncapi.text, "access.json5": access_control.text}
+
+
 def main() -> None:
-    """``python -m rackhand.services.launch.reference FILE…`` renews the generated blocks of Markdown pages in place."""
+    """``python -m rackhand.services.launch.reference FILE…`` renews the generated blocks of Markdown pages in place.
+
+    A file of a name in ``files`` is renewed as a whole.
+    """
     for name in sys.argv[1:]:
         page = Path(name)
-        old = page.read_text(encoding="utf-8")
-        if (new := refresh(old)) != old:
+        old = page.read_text(encoding="utf-8") if page.exists() else ""
+        make = files().get(page.name)
+        if (new := make() if make is not None else refresh(old)) != old:
             page.write_text(new, encoding="utf-8")
             print(f"renewed {name}")
 

@@ -7,7 +7,7 @@ import hashlib
 from pydantic import ValidationError
 
 from rackhand.schemas.codec import explain
-from rackhand.schemas.maps import CreateMap, MapData, MapSummary, Overlays
+from rackhand.schemas.maps import CreateMap, MapData, MapSummary, PatchMap
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.errors import StoreError
@@ -49,13 +49,28 @@ class MapStore:
             self._write(data)
         return data
 
-    def patch(self, map_id: int, map_name: str | None, overlays: Overlays | None, now: int) -> MapData:
-        data = self.get(map_id)
+    def replace(self, map_id: int, whole: CreateMap, now: int) -> MapData:
+        """Overwrite a map; it keeps its id and creation time, and its uid unless another is given."""
+        old = self.get(map_id)
+        uid = whole.uid or old.uid
+        with self._database.transaction() as connection:
+            taken = connection.execute("SELECT id FROM maps WHERE uid = ? AND id != ?", (uid, map_id)).fetchone()
+            if taken:
+                raise RequestRefused(RefusalCode.INVALID, f"uid: {uid!r} is already that of map {taken[0]}")
+            data = _to_data(whole.model_copy(update={"uid": uid}), map_id, now)
+            data = data.model_copy(update={"create_time": old.create_time})
+            connection.execute("UPDATE maps SET png = ? WHERE id = ?", (whole.png, map_id))
+            self._write(data)
+        return data
+
+    def patch(self, patch: PatchMap, now: int) -> MapData:
+        data = self.get(patch.id)
         update: dict[str, object] = {"last_modified_time": max(now, data.last_modified_time)}
-        if map_name is not None:
-            update["map_name"] = map_name
-        if overlays is not None:
-            update |= {"overlays": overlays, "overlays_version": data.overlays_version + 1}
+        if patch.overlays is not None:
+            update["overlays_version"] = data.overlays_version + 1
+        update |= patch.model_dump(exclude={"op", "id"}, exclude_none=True)
+        if patch.overlays is not None:
+            update["overlays"] = patch.overlays  # with whatever nulls it holds
         data = data.model_copy(update=update)
         self._write(data)
         return data
