@@ -58,7 +58,7 @@ EXPOSE 7447
 FROM runtime AS sim
 COPY --from=build-sim /venv /venv
 # Compiled here once, so that no container has to before it is ready.
-RUN python -c "from rackhand.services.sim.simulation import *; from rackhand.services.sim.world.worldfile import load_world; Simulation(load_world('pick_station'), {}, 0)"
+RUN python -c "from rackhand.services.sim.simulation import *; from rackhand.worlds.world_model import load_world; Simulation(load_world('pick_station'), {}, 0)"
 CMD ["python", "-m", "rackhand.services.sim", "--wait-for", "amr1/planner", "--wait-for", "arm1/controller"]
 
 FROM runtime AS planner

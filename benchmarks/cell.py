@@ -13,9 +13,9 @@ import mujoco
 
 from benchmarks.report import Report
 from rackhand.schemas.base import NANOSECONDS
-from rackhand.services.sim.chassis.profiles import load_profiles
 from rackhand.services.sim.simulation import Simulation
-from rackhand.services.sim.world.worldfile import World, load_world
+from rackhand.worlds.chassis_model import load_profiles
+from rackhand.worlds.world_model import World, load_world
 from tests.ports import free_port
 from tests.system.cell import Cell
 from tests.system.driving import Driver

@@ -16,17 +16,15 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.report import Report
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik import load_arm
 from rackhand.services.controller.trajectory.curve import JointCurve
 from rackhand.services.controller.trajectory.geometry import Tolerance, joint_path
 from rackhand.services.controller.trajectory.model import JointLimits
-from rackhand.services.controller.trajectory.phase import Smoothing
+from rackhand.services.controller.trajectory.time_law import Smoothing
 from rackhand.services.controller.trajectory.timing import Planning, plan, rows
-
-Array = NDArray[np.float64]
 
 HAS_TOPPRA = importlib.util.find_spec("toppra") is not None
 
@@ -63,10 +61,10 @@ def measure(limits: JointLimits, seed: int, planning: Planning) -> Result:
     lines = rows(curve, limits, planning)
     timed = plan(curve, lines, planning)
     took = time.process_time() - began
-    unbounded = plan(curve, lines, FULL).phase.end
+    unbounded = plan(curve, lines, FULL).law.end
     bound = toppra_on_curve(limits, curve, lines.s) if HAS_TOPPRA else unbounded
     spline = toppra_on_spline(limits, points) if HAS_TOPPRA else float("nan")
-    return Result(timed.phase.end + planning.smoothing.total, unbounded, bound, spline, timed.use, took)
+    return Result(timed.law.end + planning.smoothing.total, unbounded, bound, spline, timed.use, took)
 
 
 def toppra_on_curve(limits: JointLimits, curve: JointCurve, grid: Array) -> float:

@@ -201,9 +201,11 @@ class Bus:
 
     # -- presence ----------------------------------------------------------------------------------------------------
 
-    def announce(self) -> None:
-        """Tell everyone that this service is ready, until it ends in whatever way."""
-        self._handles.append(self._session.liveliness().declare_token(self.service.key))
+    def announce(self, *parts: ServiceId) -> None:
+        """Declare liveliness tokens: this service is ready, and so are the ``parts`` it plays for others (a simulator
+        is the driver of each robot). They disappear when the process ends, however it ends."""
+        for service in (*parts, self.service):
+            self._handles.append(self._session.liveliness().declare_token(service.key))
         self._reporter = Reporter(self.publisher(BUS_STATS, self.service.robot), self.stats)
 
     def stats(self) -> BusStats:

@@ -25,7 +25,20 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def compiled(function: F) -> F:
     """The function as machine code. It may call others that its module imports from this project."""
-    dispatcher = njit(cache=True)(function)
+    return _compiled(function)
+
+
+def inlined(function: F) -> F:
+    """As ``compiled``, and copied into each compiled function that calls it: for small functions in inner loops.
+
+    A call that passes arrays in a NamedTuple costs two atomic reference counts an array, and the exception of a
+    division by 0 keeps LLVM from removing them: here a division by 0 gives infinity or NaN, as in numpy.
+    """
+    return _compiled(function, forceinline=True, error_model="numpy")
+
+
+def _compiled(function: F, **options: Any) -> F:
+    dispatcher = njit(cache=True, **options)(function)
     if not inspect.isfunction(dispatcher):
         kept = dispatcher._cache._cache_file
         kept._source_stamp = (kept._source_stamp, _stamp_of(Path(inspect.getfile(function)), function.__module__))

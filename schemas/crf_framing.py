@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 SYNC = b"~~~~~~"
 JSON_PACKET = 801
-STREAM_PACKET = 802
 MAX_PAYLOAD = 16 * 1024 * 1024
 
 _HEADER = struct.Struct("<HIqBB")

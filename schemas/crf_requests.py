@@ -259,6 +259,13 @@ def words(model: type[Request]) -> tuple[str, ...]:
     return spelled
 
 
+def type_of(model: type[Request]) -> str | None:
+    """The one value of ``type`` that is this request; ``None`` where it takes several or has none."""
+    field = model.model_fields.get("type")
+    values: tuple[str, ...] = getattr(field.annotation, "__args__", ()) if field else ()
+    return values[0] if len(values) == 1 else None
+
+
 REQUESTS: tuple[type[Request], ...] = (
     LockControl, UnlockControl, ResumeControl, AppendJointsPath, AppendTaskPath, SetVelocity, SetTorque,
     SetProfileVelocity, SetProfileAcceleration, SoftStop, HardStop, SetParameters, SetGripper, StartJointsControl,

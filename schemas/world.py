@@ -1,4 +1,4 @@
-"""What only a simulator has: the clock it drives, control of it, and the truth."""
+"""What only a simulator has: the clock it drives, control of it, and ground truth."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rackhand.schemas.base import Array, Message, Pose2, Quaternion, Stamp, Vec3
 
 
 class Clock(Message):
-    """Simulation time. ``run`` changes at every start and reset, when time begins anew at 0.
+    """Simulation time. ``run`` changes at every start and reset, when time starts again at 0.
 
     ``speed`` is the wanted ratio to wall time, ``None`` for as fast as possible; ``unix_ns`` is the unix
     time of stamp 0.
@@ -29,15 +29,17 @@ class Clock(Message):
 class Join(Message):
     """A participant declares itself: the driver waits for its commands, one each ``period_ns`` of stamps.
 
-    In lockstep the world stands still until the command that answers the present instant is there; running free it
-    lets nobody fall behind further than the freshness of commands allows. The declaration ends with the participant's
-    liveliness token, or with ``Leave``.
+    In lockstep the answer to the state of stamp t takes effect at t + ``latency`` × ``period_ns`` exactly, and the
+    simulation waits there until the answer has arrived; until then it goes on. Running free it lets no participant fall
+    behind further than the freshness of commands allows. The declaration ends with the participant's liveliness token,
+    or with ``Leave``.
     """
 
     op: Literal["join"] = "join"
     robot: str
     service: str
     period_ns: Annotated[int, Field(gt=0)]
+    latency: Annotated[int, Field(ge=0, description="command latency in periods, for lockstep")] = 1
 
 
 class Leave(Message):
@@ -52,7 +54,7 @@ class Pause(Message):
 
 
 class Advance(Message):
-    """Run a paused world for this long, then stand still again. Answered when it has arrived there."""
+    """Run a paused simulation for this long, then pause again. Answered when it has arrived there."""
 
     op: Literal["advance"] = "advance"
     duration_ns: Annotated[int, Field(gt=0)]
@@ -64,7 +66,7 @@ class SetSpeed(Message):
 
 
 class Reset(Message):
-    """Begin anew at time 0 with this seed (the present one if none is given)."""
+    """Start a new run at time 0 with this seed (the present one if none is given)."""
 
     op: Literal["reset"] = "reset"
     seed: Annotated[int, Field(ge=0)] | None = None
@@ -78,7 +80,7 @@ class Place(Message):
     kind: Literal["box", "cylinder", "person"] = "box"
     pose: Pose2
     size: Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)] = (0.4, 0.4, 0.4)
-    walk: tuple[Pose2, ...] = Field(default=(), strict=False, description="way-points it walks in a loop")
+    walk: tuple[Pose2, ...] = Field(default=(), strict=False, description="waypoints it walks in a loop")
     speed: Annotated[float, Field(ge=0)] = 0.0
 
 
@@ -96,7 +98,7 @@ class MoveRobot(Message):
 
 
 class InjectFault(Message):
-    """Break something, or (``active=False``) mend it.
+    """Cause a fault, or (``active=False``) clear it.
 
     ``lidar_dead``: no scans. ``lidar_blind``: scans without a return. ``wheels_blocked``: the drive turns no wheel.
     ``power_cable``, ``emergency_stop_button``: the switch closes. ``pose_lost``: no localised pose.
@@ -131,7 +133,7 @@ class Contact(Message):
 
 
 class WorldReply(Message):
-    """How the world stands. ``digest`` is a hash over the stamped states since the run began.
+    """State of the simulation. ``digest`` is a hash over the stamped states since the run began.
 
     ``contacts`` lists the first 1,000 begun contacts since then; ``contact_count`` counts all.
     """
@@ -142,7 +144,7 @@ class WorldReply(Message):
     contact_count: int
     contacts: tuple[Contact, ...] = Field(strict=False)
     participants: tuple[str, ...] = Field(strict=False)
-    command_stamps: dict[str, int] = Field(description="robot -> stamp of the instant its newest command answers")
+    command_stamps: dict[str, int] = Field(description="robot -> stamp that its newest command answers")
 
 
 class ObjectPose(Message):
@@ -152,7 +154,7 @@ class ObjectPose(Message):
 
 
 class Objects(Message):
-    """True poses of all that moves: for viewers and judges only."""
+    """Ground-truth poses of all that moves: for viewers and tests only."""
 
     stamp: Stamp
     objects: tuple[ObjectPose, ...] = Field(strict=False)

@@ -15,7 +15,8 @@ from types import TracebackType
 from benchmarks.motion.driver import ARM
 from rackhand.bus import BusConfig
 from rackhand.services.controller.ik import load_arm
-from rackhand.services.launch.processes import Address, CellOptions, Process, cell_processes, read_cast, world_folder
+from rackhand.services.launch.processes import Address, CellOptions, Process, cell_processes
+from rackhand.worlds.world_model import load_world
 from tests.ports import free_port
 
 
@@ -28,10 +29,10 @@ class MotionCell:
         http, bus = Address("127.0.0.1", free_port()), Address("127.0.0.1", free_port())
         self.http = http.url
         self.bus = BusConfig(connect=bus.endpoint)
-        cast = read_cast(world_folder(world))
-        self.joints = load_arm(cast.arms[ARM]).n
+        arms = load_world(world).arms
+        self.joints = load_arm(arms[ARM].kind).n
         options = CellOptions(world=world, http=http, bus=bus, state_dir=folder / "var", viewer=None)
-        options = replace(options, crf={arm: Address("127.0.0.1", free_port()) for arm in cast.arms})
+        options = replace(options, crf={arm: Address("127.0.0.1", free_port()) for arm in arms})
         self._rows = [self._adapted(row) for row in cell_processes(options, {}) if record or row.name != "sim"]
         self._running: list[subprocess.Popen[bytes]] = []
 

@@ -1,142 +1,84 @@
-"""The controller on the bus: one thread, one inbox. Requests are answered as they come, commands go out with states."""
+"""The controller on the bus: its control loop runs the core of one arm. Commands go out with the arm's states."""
 
 from __future__ import annotations
 
-from rackhand.bus import Bus, Event, Inbox, Presence, Refused, Request, Sample, Unavailable
-from rackhand.bus.errors import CallTimeout
+from rackhand.bus import Bus, Request
 from rackhand.bus.log import get_logger
-from rackhand.runtime.driver_link import DriverLink
+from rackhand.runtime.control_loop import ControlLoop, LoopSettings
 from rackhand.schemas import topics
-from rackhand.schemas.motion import ArmCommand, ArmState, CrfAnswer, MotionStream
-from rackhand.schemas.refusal import RefusalCode
-from rackhand.schemas.service import WORLD, ServiceId
-from rackhand.schemas.world import Join, WorldRequest
+from rackhand.schemas.motion import ArmCommand, ArmState, CrfAnswer, CrfCall, MotionStream, SessionGone
+from rackhand.schemas.service import ServiceId
+from rackhand.schemas.world import Clock
 from rackhand.services.controller.access.audit_writer import AuditWriter
 from rackhand.services.controller.controller import Controller
 
 log = get_logger(__name__)
 
-SIMULATOR = ServiceId("sim", WORLD)
-READ_AHEAD = 64  # events taken in before a tick, so that it answers the newest state and yet is not put off for ever
-PLAN_POLL = 0.01  # seconds between looks for a plan while nothing else happens
-
 
 class ControllerService:
-    """Wires one arm to the bus. ``run`` returns when the bus stops."""
+    """Gives the control loop the core of one arm. ``run`` returns when the bus stops."""
+
+    ready = True
 
     def __init__(self, bus: Bus, robot: str, joints: int, controller: Controller, audit: AuditWriter) -> None:
-        self._bus, self._robot, self._joints = bus, robot, joints
-        self._controller, self._audit = controller, audit
-        self._link = DriverLink("the arm's driver", controller.period_ns)
+        self._joints, self._controller, self._audit = joints, controller, audit
         self._state: ArmState | None = None
-        self._answer: ArmCommand | None = None
-        self._last_error = ""
-        self._command = bus.publisher(topics.ARM_COMMAND, robot)
         self._status = bus.publisher(topics.MOTION_STATUS, robot)
         self._events = bus.publisher(topics.MOTION_EVENT, robot)
         self._streams = bus.publisher(topics.MOTION_STREAM, robot)
         self._diagnostics = bus.publisher(topics.MOTION_DIAGNOSTICS, robot)
         self._path = bus.publisher(topics.MOTION_PATH, robot)
-        self._inbox = self._subscribe()
+        settings = LoopSettings(ServiceId("controller", robot), "the arm driver", controller.period_ns)
+        self._loop = ControlLoop(bus, self, topics.ARM_COMMAND, settings)
+        self._loop.measure(topics.ARM_STATE, self._take_state, triggers=True)
+        self._loop.on(topics.MOTION_SESSION, self._disconnected)
+        self._loop.on_request(topics.MOTION, self._request, low_priority=True)
+        self._loop.on_request(topics.MOTION_STOP, self._stop_request, at_once=True)
+        self.run = self._loop.run
 
-    def _subscribe(self) -> Inbox:
-        inbox = self._bus.inbox()
-        inbox.subscribe(topics.ARM_STATE, self._robot)
-        inbox.subscribe(topics.MOTION_SESSION, self._robot)
-        inbox.subscribe(topics.CLOCK, WORLD)
-        inbox.serve(topics.MOTION, self._robot, low_priority=True)
-        inbox.serve(topics.MOTION_STOP, self._robot)
-        inbox.watch_services()
-        return inbox
-
-    def run(self) -> None:
-        self._bus.announce()
-        log.info("ready", robot=self._robot, epoch=self._controller.access.epoch)
-        while (event := self._next()) is not None or self._controller.busy:
-            for _ in range(READ_AHEAD):
-                if event is None:
-                    break
-                if isinstance(event, Request) and event.query is topics.MOTION:
-                    self._tick_if_due()  # the inbox has nothing more urgent
-                self.handle(event)
-                event = self._inbox.get(0)
-            if event is not None:
-                self.handle(event)
-            self._tick_if_due()
-            self._controller.poll()
-            self._publish()
-            self._join_if_needed()
-
-    def _next(self) -> Event | None:
-        """The next event; None when the bus stops, or for a look at the plan while a paused world says nothing."""
-        if not self._controller.busy:
-            return self._inbox.get()
-        event = self._inbox.get(PLAN_POLL)
-        if event is None:
-            self._controller.await_plan(PLAN_POLL)
-        return event
-
-    def handle(self, event: Event) -> None:
-        """Take in one event. What goes wrong here ends neither the service nor another request."""
-        try:
-            match event:
-                case Sample(topic=topics.ARM_STATE, message=state):
-                    self._on_message(state)
-                case Sample(topic=topics.CLOCK, message=clock):
-                    self._void_if(self._link.clock(clock))
-                case Sample(topic=topics.MOTION_SESSION, message=gone):
-                    self._controller.disconnected(gone.session)
-                case Request(query=topics.MOTION, message=call):
-                    self._controller.request(call.session, call.text, event)
-                case Request(query=topics.MOTION_STOP, message=call):
-                    self._controller.stop_request(call.session, call.text, event)
-                case Presence(service=service, alive=alive) if service == SIMULATOR:
-                    self._void_if(self._link.presence(alive))
-                case _:
-                    pass
-        except Exception as error:
-            self._log_once(error)
-            if isinstance(event, Request):
-                event.refuse(RefusalCode.INTERNAL, "the controller failed to answer; its log says more")
-        self._publish()
-
-    # -- the loop -----------------------------------------------------------------------------------------------------
-
-    def _on_message(self, state: ArmState) -> None:
+    def _take_state(self, state: ArmState) -> None:
+        """Raises ``ValueError`` for a state of another arm, which is then not answered."""
         if len(state.q) != self._joints:
-            self._log_once(ValueError(f"the driver has {len(state.q)} joints, the arm {self._joints}"))
-            return
-        self._void_if(self._link.sample(topics.ARM_STATE.name, state.stamp))
+            raise ValueError(f"the driver has {len(state.q)} joints, the arm {self._joints}")
         self._state = state
 
-    def _void_if(self, why: str | None) -> None:
-        if why is not None:
-            log.warning(why, robot=self._robot)
-            self._state = self._answer = None
-            self._controller.reset(why)
+    def _disconnected(self, gone: SessionGone) -> None:
+        self._controller.disconnected(gone.session)
 
-    def _tick_if_due(self) -> None:
-        state, self._state = self._state, None
-        if state is None:
-            return
-        asked = self._link.asks(state.stamp)
-        if asked == "tick":
-            self._answer = self._tick(state)
-        if asked != "skip" and self._answer is not None:
-            self._command.put(self._answer)
+    def _request(self, request: Request[CrfCall, CrfAnswer]) -> None:
+        self._controller.request(request.message.session, request.message.text, request)
 
-    def _tick(self, state: ArmState) -> ArmCommand | None:
-        """Nothing is commanded when a tick fails: a driver that hears nothing stops the arm."""
-        try:
-            return self._controller.tick(state, self._link.lockstep)
-        except Exception as error:
-            self._log_once(error)
-            self._controller.reset(f"the controller failed: {type(error).__name__}: {error}")
-            return None
+    def _stop_request(self, request: Request[CrfCall, CrfAnswer]) -> None:
+        self._controller.stop_request(request.message.session, request.message.text, request)
 
-    # -- what is told -------------------------------------------------------------------------------------------------
+    # -- the loop's core ---------------------------------------------------------------------------------------------
 
-    def _publish(self) -> None:
+    @property
+    def busy(self) -> bool:
+        return self._controller.busy
+
+    def on_clock(self, clock: Clock) -> None: ...
+
+    def tick(self, lockstep: bool) -> ArmCommand | None:
+        return None if self._state is None else self._controller.tick(self._state, lockstep)
+
+    def tick_failed(self, error: Exception) -> None:
+        """Nothing is commanded: a driver that receives no commands stops the arm."""
+        self._controller.reset(f"the controller failed: {type(error).__name__}: {error}")
+
+    def reset(self, why: str) -> None:
+        self._state = None
+        self._controller.reset(why)
+
+    def set_driver_fault(self, fault: str) -> None: ...
+
+    def poll(self) -> None:
+        self._controller.poll()
+
+    def wait(self, seconds: float) -> None:
+        self._controller.await_plan(seconds)
+
+    def publish(self) -> None:
         output = self._controller.take()
         for event in output.events:
             log.info(event.name, to=event.to, by=event.info.by, reason=event.info.reason, kind=event.info.kind)
@@ -155,24 +97,3 @@ class ControllerService:
             self._path.put(output.path)
         for error in output.errors:
             log.error("a request failed", exc_info=error)
-
-    def _log_once(self, error: Exception) -> None:
-        """With its traceback; an error that comes back at every tick is written once."""
-        text = f"{type(error).__name__}: {error}"
-        if text != self._last_error:
-            log.error(text, exc_info=error)
-        self._last_error = text
-
-    def _join_if_needed(self) -> None:
-        """Ask the simulator to wait for this controller's commands. A real robot is not asked."""
-        if not self._link.needs_join:
-            return
-        join = Join(robot=self._robot, service="controller", period_ns=self._controller.period_ns)
-        try:
-            self._bus.call(topics.WORLD_CONTROL, WorldRequest(request=join), timeout=2.0)
-        except Refused as refused:
-            log.error("the simulator refused the controller", code=refused.code, text=refused.text)
-        except (Unavailable, CallTimeout) as error:
-            self._log_once(error)
-            return  # it is announced and does not answer yet: its next message is the occasion to ask again
-        self._link.needs_join = False

@@ -26,7 +26,7 @@ class Inline(Executor):
 def warm_up(arm: ik.Arm, period_ns: int) -> None:
     """Drives an arm that is not there: along a line, around a corner, at a velocity, to a stop."""
     controller = Controller(arm, period_ns, Inline(), lambda: "warm-up")
-    here = controller.mover.kinematics.forward(arm.home)
+    here = controller.motion.kinematics.forward(arm.home)
     x, y, z = here.translation.tolist()
     rows = {f"Row{i + 1}": row for i, row in enumerate(here.rotation.tolist())}
     poses = [{"Position": [x, y, z + dz], "Orientation": {"Matrix": rows}} for dz in (-0.01, -0.02)]

@@ -36,7 +36,7 @@ class Fleet:
             depth = STREAM_DEPTH if topic.qos is Qos.STREAM else None
             handler = partial(self.on_message, topic)
             for robot in self.names:
-                inbox.on(topic, handler, robot, depth)
+                inbox.on(topic, handler, robot, depth=depth)
         for topic in read_by("gateway", owner="world") if self.names else ():
             inbox.on(topic, partial(self.on_world_message, topic), depth=1)
 

@@ -12,20 +12,20 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from rackhand import worlds
 from rackhand.services.launch.health import Health, ask_health
 from rackhand.services.launch.ports import in_the_way, with_port
 from rackhand.services.launch.processes import (
-    WORLD_FILE,
     Address,
     CellOptions,
     Process,
     cell_processes,
-    read_cast,
-    world_folder,
 )
 from rackhand.services.launch.supervisor import Supervisor
 from rackhand.services.launch.viewing import with_viewer
+from rackhand.worlds.arm_model import load_arm_descriptions
+from rackhand.worlds.chassis_model import load_profiles
+from rackhand.worlds.data import WorldFileError
+from rackhand.worlds.world_model import load_world
 
 CELL_FILE = "cell.json"
 MAX_PORT = 65535
@@ -38,7 +38,7 @@ class CannotStart(Exception):
 
 def run_cell(options: CellOptions) -> int:
     """Run the cell until a signal ends it. Returns the exit code; raises ``CannotStart`` before anything is started."""
-    check_world(options.world)
+    check_world(options)
     options = replace(options, http=with_port(options.http), bus=with_port(options.bus), crf=crf_addresses(options))
     options, blind = with_viewer(options)
     processes = cell_processes(options, os.environ)
@@ -53,14 +53,13 @@ def run_cell(options: CellOptions) -> int:
         return asyncio.run(supervisor.run())
 
 
-def check_world(name: str) -> None:
-    """Raises ``CannotStart`` if there is no such world, or its file does not say who acts in it."""
-    if not (world_folder(name) / WORLD_FILE).is_file():
-        known = sorted(path.parent.name for path in Path(worlds.__path__[0]).glob(f"*/{WORLD_FILE}"))
-        raise CannotStart(f"there is no world {name!r}: want {', '.join(known)}, or a folder that holds {WORLD_FILE}")
+def check_world(options: CellOptions) -> None:
+    """Raises ``CannotStart`` if there is no such world, or it, its chassis or its arms are not described well."""
     try:
-        read_cast(world_folder(name))
-    except (OSError, ValueError) as error:
+        world = load_world(options.world)
+        load_profiles(world, options.profile)
+        load_arm_descriptions(world)
+    except WorldFileError as error:
         raise CannotStart(str(error)) from None
 
 
@@ -69,7 +68,7 @@ def crf_addresses(options: CellOptions) -> dict[str, Address]:
     first = options.crf_port
     if first is None:
         return {}
-    arms = read_cast(world_folder(options.world)).arms
+    arms = load_world(options.world).arms
     if not arms:
         raise CannotStart(f"--crf-port: there is no arm in world {options.world!r}")
     if first + len(arms) - 1 > MAX_PORT:

@@ -6,13 +6,9 @@ import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-import yaml
+from rackhand.worlds.world_model import World, load_world, world_directory
 
-from rackhand import worlds
-
-WORLD_FILE = "world.yaml"
 CONTROLLER_RATE = 250  # Hz
 
 
@@ -56,14 +52,6 @@ class Process:
 
 
 @dataclass(frozen=True)
-class RobotSet:
-    """Who acts in a world: the names of its chassis, and of its arms with their kinds."""
-
-    chassis: tuple[str, ...] = ()
-    arms: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
 class CellOptions:
     """What ``rackhand up`` can be told. ``speed`` None is as fast as possible; ``world`` is a name or a folder.
 
@@ -97,9 +85,12 @@ class CellOptions:
 
 
 def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tuple[Process, ...]:
-    """The process table. ``environment`` is the user's: bus endpoints named there become the router's neighbours."""
+    """The process table. ``environment`` is the user's: bus endpoints named there become the router's neighbours.
+
+    Raises ``WorldFileError``.
+    """
     bus = {"RACKHAND_BUS_CONNECT": options.bus.endpoint}
-    cast = read_cast(world_folder(options.world))
+    world = load_world(options.world)
     return (
         Process(
             "router",
@@ -107,28 +98,28 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
             listens=options.bus,
             option="--bus-port",
         ),
-        Process("sim", _module("rackhand.services.sim", *_sim_arguments(options, cast)), needs=("router",), env=bus),
+        Process("sim", _module("rackhand.services.sim", *_sim_arguments(options, world)), needs=("router",), env=bus),
         *(
             Process(
-                _row_name("planner", robot, cast.chassis),
+                _row_name("planner", robot, world.robots),
                 _module("rackhand.services.planner", *_planner_arguments(options, robot)),
                 needs=("router",),
                 env=bus,
             )
-            for robot in cast.chassis
+            for robot in world.robots
         ),
         *(
             Process(
-                _row_name("controller", arm, cast.arms),
-                _module("rackhand.services.controller", *_controller_arguments(options, arm, kind)),
+                _row_name("controller", arm, world.arms),
+                _module("rackhand.services.controller", *_controller_arguments(options, arm, place.kind)),
                 needs=("router",),
                 env=bus,
             )
-            for arm, kind in cast.arms.items()
+            for arm, place in world.arms.items()
         ),
         Process(
             "gateway",
-            _module("rackhand.services.gateway", *_gateway_arguments(options, cast)),
+            _module("rackhand.services.gateway", *_gateway_arguments(options, world)),
             needs=("router",),
             listens=options.http,
             option="--port",
@@ -148,29 +139,6 @@ def _viewer(options: CellOptions, bus: Mapping[str, str]) -> tuple[Process, ...]
     return (Process("viewer", command, ("router",), page, "--viewer-port", env=bus, optional=True),)
 
 
-def read_cast(folder: Path) -> RobotSet:
-    """Who acts in the world of this folder. Raises ``OSError``, or ``ValueError`` where the file does not say; all else
-    that may be wrong with it the simulator tells.
-    """
-    path = folder / WORLD_FILE
-    try:
-        content = yaml.safe_load(path.read_text())
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
-    robots, arms = _mapping(path, content, "robots"), _mapping(path, content, "arms")
-    for name, arm in arms.items():
-        if not isinstance(arm, dict) or not isinstance(arm.get("kind"), str):
-            raise ValueError(f"{path}: arms.{name}: want its kind, as in {{kind: ur5e, …}}")
-    return RobotSet(tuple(robots), {name: arm["kind"] for name, arm in arms.items()})
-
-
-def _mapping(path: Path, content: object, key: str) -> dict[str, Any]:
-    found = (content.get(key) if isinstance(content, dict) else None) or {}
-    if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
-        raise ValueError(f"{path}: {key}: want a mapping of names")
-    return found
-
-
 def _row_name(service: str, robot: str, all_robots: Collection[str]) -> str:
     """The robot is in the name only where there are several."""
     return service if len(all_robots) == 1 else f"{service}-{robot}"
@@ -185,10 +153,10 @@ def _router_arguments(options: CellOptions, neighbours: str) -> tuple[str, ...]:
     return ("--listen", options.bus.endpoint, *connect)
 
 
-def _sim_arguments(options: CellOptions, cast: RobotSet) -> tuple[str, ...]:
+def _sim_arguments(options: CellOptions, world: World) -> tuple[str, ...]:
     arguments = ["--world", options.world]
     arguments += ["--speed", "max" if options.speed is None else f"{options.speed:g}"]
-    for participant in _participants(cast):
+    for participant in _participants(world):
         arguments += ["--wait-for", participant]
     if options.seed is not None:
         arguments += ["--seed", str(options.seed)]
@@ -199,13 +167,13 @@ def _sim_arguments(options: CellOptions, cast: RobotSet) -> tuple[str, ...]:
     return tuple(arguments)
 
 
-def _participants(cast: RobotSet) -> list[str]:
-    return [*(f"{robot}/planner" for robot in cast.chassis), *(f"{arm}/controller" for arm in cast.arms)]
+def _participants(world: World) -> list[str]:
+    return [*(f"{robot}/planner" for robot in world.robots), *(f"{arm}/controller" for arm in world.arms)]
 
 
 def _planner_arguments(options: CellOptions, robot: str) -> tuple[str, ...]:
     store = options.state_dir / robot / "planner.sqlite"
-    return ("--robot", robot, "--map", str(world_folder(options.world)), "--store", str(store))
+    return ("--robot", robot, "--map", str(world_directory(options.world)), "--store", str(store))
 
 
 def _controller_arguments(options: CellOptions, arm: str, kind: str) -> tuple[str, ...]:
@@ -213,21 +181,15 @@ def _controller_arguments(options: CellOptions, arm: str, kind: str) -> tuple[st
     return ("--robot", arm, "--arm", kind, "--state-dir", str(state), "--rate", str(CONTROLLER_RATE))
 
 
-def _gateway_arguments(options: CellOptions, cast: RobotSet) -> tuple[str, ...]:
-    """The gateway serves every robot, the first chassis as the default, and is healthy when all that act are up."""
+def _gateway_arguments(options: CellOptions, world: World) -> tuple[str, ...]:
+    """The gateway serves every robot, the first as the default one, and is healthy when all that move are up."""
     arguments = ["--host", options.http.host, "--port", str(options.http.port)]
-    for robot in cast.chassis:
+    for robot in world.robots:
         arguments += ["--robot", robot]
-    for arm in cast.arms:
+    for arm in world.arms:
         arguments += ["--arm", arm]
     for arm, address in options.crf.items():
         arguments += ["--crf-port", f"{arm}={address.port}"]
-    for service in ("cell/router", "world/sim", *_participants(cast)):
+    for service in ("cell/router", "world/sim", *_participants(world)):
         arguments += ["--expect", service]
     return tuple(arguments)
-
-
-def world_folder(name: str) -> Path:
-    """The folder of a world: one of the user's own, by its path, or one that comes with rackhand, by its name."""
-    own = Path(name)
-    return own if (own / WORLD_FILE).is_file() else Path(worlds.__path__[0]) / name

@@ -11,10 +11,10 @@ from typing import Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from rackhand.schemas import crf_requests as crf
+from rackhand.schemas import topics
 from rackhand.schemas.base import Message
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.motion import RefusalDetail
-from rackhand.schemas.topics import QUERIES, TOPICS, websocket_topics
 from rackhand.services.launch import access_control, asyncapi
 
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
@@ -34,7 +34,7 @@ def topic_table() -> Table:
             ", ".join(f"`{view.TOPIC}`" for view in topic.ws) or "–",
             topic.text,
         )
-        for topic in TOPICS
+        for topic in topics.TOPICS
     ]
     return header, rows
 
@@ -43,7 +43,8 @@ def query_table() -> Table:
     """Header and rows of all queries."""
     header: tuple[str, ...] = ("key", "request", "reply", "answered by", "asked by", "what")
     rows: list[tuple[str, ...]] = [
-        (_shown(q.key), _type(q.request), _type(q.reply), q.server, ", ".join(q.callers), q.text) for q in QUERIES
+        (_shown(q.key), _type(q.request), _type(q.reply), q.server, ", ".join(q.callers), q.text)
+        for q in topics.QUERIES
     ]
     return header, rows
 
@@ -53,7 +54,7 @@ def websocket_table() -> Table:
     header: tuple[str, ...] = ("topic", "what", "at most", "on `/ws/topics`")
     return header, [
         (f"`{view.TOPIC}`", view.__doc__ or "", f"{view.RATE:g} Hz", f"`{view.LEGACY}`" if view.LEGACY else "the same")
-        for view in websocket_topics()
+        for view in topics.websocket_topics()
     ]
 
 

@@ -84,7 +84,7 @@ class Chassis:
         self._commanded = STANDSTILL
         self._unix_ns: int | None = None
         self._stamp = 0
-        self.driver_alive = False
+        self._driver_fault = "the chassis driver is not connected"
         self._maps.load()
         self._reports.map(self._stamp, self._maps.current)
         self._report()
@@ -116,7 +116,7 @@ class Chassis:
 
     def reset(self, why: str) -> None:
         """The driver has gone or begun another run: a running move fails, and all that was measured is void."""
-        self._fail(MoveFailReason.PLATFORM_ALERT_ERROR, f"{why} while the move ran")
+        self._fail(MoveFailReason.PLATFORM_ALERT_ERROR, f"{why} during the move")
         self._sensed.forget()
         self._navigator.reset()
         self._jack.forget()
@@ -125,8 +125,9 @@ class Chassis:
         self._maps.load()
         self._report()
 
-    def set_driver_alive(self, alive: bool) -> None:
-        self.driver_alive = alive
+    def set_driver_fault(self, fault: str) -> None:
+        """Why the driver is not alive, empty when it is: without it no move begins."""
+        self._driver_fault = fault
         self._report()
 
     def take_publications(self) -> list[Publication]:
@@ -249,8 +250,8 @@ class Chassis:
                 return MoveReply(moves=(self._book.get(move.id),))
 
     def _create(self, wanted: MoveCreate) -> None:
-        if not self.driver_alive:
-            raise RequestRefused(RefusalCode.UNAVAILABLE, "the chassis' driver is not there")
+        if self._driver_fault:
+            raise RequestRefused(RefusalCode.UNAVAILABLE, self._driver_fault)
         if (direction := self._jacking()) is not None:
             raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is going {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
@@ -316,9 +317,7 @@ class Chassis:
     def _now(self) -> int:
         """Unix seconds by the messages' clock; without it nothing can be dated."""
         if self._unix_ns is None:
-            raise RequestRefused(
-                RefusalCode.UNAVAILABLE, "the clock has not been heard: the chassis' driver is not there"
-            )
+            raise RequestRefused(RefusalCode.UNAVAILABLE, "no clock was received: the chassis driver is not connected")
         return (self._unix_ns + self._stamp) // NANOSECONDS
 
     # -- ends and reports --------------------------------------------------------------------------------------------
@@ -371,7 +370,7 @@ class Chassis:
                 stamp=stamp,
                 control_mode=self._modes.control_mode,
                 emergency_stop=self._modes.emergency_stop,
-                driver_alive=self.driver_alive,
+                driver_alive=not self._driver_fault,
                 alerts=alerts,
             )
         )

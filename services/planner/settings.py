@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from rackhand.schemas.chassis import Actuation, ChassisModel
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What may be commanded: m/s, rad/s, m/s², rad/s². Decelerations are negative, as in the API."""
+class Limits(NamedTuple):
+    """What may be commanded: m/s, rad/s, m/s², rad/s². Decelerations are negative, as in the API.
+
+    Compiled functions take it as it is.
+    """
 
     max_forward_velocity: float = 1.2
     max_backward_velocity: float = -0.2
@@ -39,17 +42,63 @@ class PoseNoise:
     odometry_yaw_per_radian: float = 0.01  # rad for a turned radian
 
 
+class MppiCosts(NamedTuple):
+    """What a rollout costs, in metres of path: a cost of 1 is worth a detour of 1 m. Compiled functions take it as it
+    is."""
+
+    collision: float = 400.0
+    """Of a step in collision with a cell or a dynamic obstacle; 1/m more for each metre inside a dynamic obstacle."""
+    late_discount: float = 0.5
+    """Share (0 to 1) by which a collision at the end of the horizon costs less than one now; linear between."""
+    static_proximity: float = 2.0
+    """Per second in contact with blocked cells; falls by a factor e each ``static_scale``."""
+    static_scale: float = 0.08
+    """Metres."""
+    static_range: float = 0.4
+    """Metres from blocked cells, beyond which they cost nothing."""
+    dynamic_proximity: float = 6.0
+    """Per second in contact with a dynamic obstacle; falls by a factor e each ``dynamic_scale``."""
+    dynamic_scale: float = 0.35
+    """Metres."""
+    dynamic_range: float = 2.5
+    """Metres along x and along y from a dynamic obstacle, beyond which it costs nothing."""
+    dynamic_growth: float = 0.04
+    """m/s by which the radius of a dynamic obstacle grows over the horizon, for the uncertainty of its prediction."""
+    effort: float = 0.02
+    """Per second at a turning rate of 1 rad/s; grows with its square."""
+    effort_linear: float = 0.2
+    """Share of ``effort`` per second at a speed of 1 m/s; grows with its square."""
+    backward: float = 0.3
+    """Per metre driven backward."""
+    off_field: float = 60.0
+    """At the end of the horizon where the cost to go is unknown or infinite, on top of the distance to the goal."""
+    heading: float = 0.3
+    """Per radian off the goal's heading at the end of the horizon, at the goal; less with the distance."""
+    heading_range: float = 1.0
+    """Metres from the goal, beyond which its heading costs nothing."""
+
+
 @dataclass(frozen=True)
 class MppiSettings:
     """Model predictive path integral control, used while something moves nearby."""
 
     samples: int = 1000
+    """Rollouts a tick."""
     steps: int = 32
-    step: float = 0.12  # s; 3.8 s ahead, since at 0.5 m/s² making way for a walker takes 2 s
+    """Of a rollout."""
+    step: float = 0.12
+    """Seconds; 32 of them are 3.8 s ahead, since at 0.5 m/s² avoiding a walker takes 2 s."""
     temperature: float = 0.3
-    noise_linear: float = 0.35  # m/s
-    noise_angular: float = 0.6  # rad/s
-    banks: int = 8  # sets of noise drawn once, used in turn
+    """Of the weights exp(-cost / temperature), in the unit of the costs."""
+    noise_linear: float = 0.35
+    """Standard deviation, m/s."""
+    noise_angular: float = 0.6
+    """Standard deviation, rad/s."""
+    noise_correlation: float = 0.85
+    """Of the noise from step to step."""
+    banks: int = 8
+    """Sets of noise drawn once, used in turn."""
+    costs: MppiCosts = field(default_factory=MppiCosts)
 
 
 @dataclass(frozen=True)

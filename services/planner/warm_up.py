@@ -14,7 +14,7 @@ from rackhand.schemas.chassis import Scan
 from rackhand.schemas.maps import MapData
 from rackhand.services.planner.behaviors.interface import Navigator
 from rackhand.services.planner.control.dynamic_avoidance import least_gap
-from rackhand.services.planner.control.mppi import Mppi
+from rackhand.services.planner.control.mppi import CostField, Mppi
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.map.grid import load_map
@@ -52,9 +52,10 @@ def _give_way(settings: NavigationSettings) -> None:
     here, goal = np.array([1.0, 2.5, 0.0]), np.array([4.0, 2.5, 0.0])
     movers = np.array([(3.0, 2.5, -1.0, 0.0, 0.25)])
     plan = GlobalPlanner(static.geometry, footprint, settings).plan(here, Target(4.0, 2.5, 0.0), static.blocked)
+    room.turn_clearance(footprint, here, 1.0)
     least_gap(here, plan.segments[0].points, 0.5, movers, footprint.edges, settings.yield_horizon)
     Mppi(settings).command(
-        here, STANDSTILL, STANDSTILL, room, plan.cost, static.geometry, goal, movers, footprint,
+        here, STANDSTILL, STANDSTILL, room, CostField(plan.cost, static.geometry), goal, movers, footprint,
         settings.control.max_forward_velocity,
     )  # fmt: skip
 

@@ -14,14 +14,14 @@ from rackhand.runtime.memory import freeze_gc
 from rackhand.runtime.priority import set_short_slice
 from rackhand.schemas.service import WORLD, ServiceId
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.chassis.profiles import load_profiles
-from rackhand.services.sim.errors import WorldFileError
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.service import SimService
 from rackhand.services.sim.session import Run, Session
 from rackhand.services.sim.simulation import Simulation
 from rackhand.services.sim.world.commands import add_commands
-from rackhand.services.sim.world.worldfile import load_world
+from rackhand.worlds.chassis_model import load_profiles
+from rackhand.worlds.data import WorldFileError
+from rackhand.worlds.world_model import load_world
 
 _HELP = """
 The world in physics, on the bus: chassis, racks, people, sensors.
@@ -68,7 +68,7 @@ def main(
     world: Annotated[str, typer.Option(help="name of a world, or path of its folder")] = "warehouse",
     speed: Annotated[str, typer.Option(help="ratio to real time (0.1 … 1000), or max")] = "1",
     lockstep: Annotated[
-        bool, typer.Option("--lockstep", help="wait at each instant for the commands of all who joined")
+        bool, typer.Option("--lockstep", help="wait at each control step for the commands due then")
     ] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="of all noise  [default: the world's]")] = None,
     wait_for: Annotated[

@@ -7,10 +7,6 @@ from collections.abc import Iterable
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 
 
-class WorldFileError(Exception):
-    """A world, profile or data file is wrong; the text says which file, where in it, and what was expected."""
-
-
 class PhysicsError(Exception):
     """The simulated state is not finite any more: the run is void and the service must end."""
 

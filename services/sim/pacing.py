@@ -1,46 +1,86 @@
-"""When the world may go on: pausing, pacing to the wall, lockstep, and waiting for those who declared themselves.
+"""When the simulation takes its next control step: pause, pacing to the wall clock, lockstep, and waiting for commands.
 
-Pure: stamps are simulation time in ns, ``now`` is any monotonic wall time in seconds that the shell hands in.
+Pure: stamps are simulation time in ns, ``now`` is any monotonic wall time in seconds that the shell passes in.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 from rackhand.schemas.service import ServiceId
 
-RETELL_AFTER = (
-    0.5  # s of wall time: an instant that nobody answers, and the clock of a world that stands, are told again
-)
-MAX_LAG_NS = 60_000_000  # running free, no command of a live participant grows older than this …
-MAX_LAG_WAIT = 1.0  # … unless it stays out for so long (s of wall time)
-CATCH_UP = 1.25  # times as fast as its pace goes a world that is behind: in a burst, controllers would miss states
-LATE = 0.25  # s: a world that is later than this behind the wall goes on from where it is, instead of catching up
+C = TypeVar("C")
+
+REPUBLISH_AFTER = 0.5  # s of wall time: a control step that nobody answers, and the clock of a pause, are sent again
+MAX_LAG_NS = 60_000_000  # running free, no command of a live participant becomes older than this …
+MAX_LAG_WAIT = 1.0  # … unless the participant does not answer for this long (s of wall time)
+CATCH_UP = 1.25  # how much faster than its pace a simulation that is behind runs: in a burst, controllers miss states
+LATE = 0.25  # s: a simulation that is later than this behind the wall clock continues from where it is
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What to do now. ``wait``: for at most ``seconds``, or until something is heard. ``retell``: publish the present
-    instant again. ``tell_clock``: publish the clock alone.
+    """What to do now. ``wait``: for at most ``seconds``, or until a message arrives. ``republish``: publish the present
+    control step again. ``publish_clock``: publish the clock alone.
     """
 
-    kind: Literal["step", "retell", "tell_clock", "wait"]
+    kind: Literal["step", "republish", "publish_clock", "wait"]
     seconds: float = 0.0
 
 
 @dataclass
 class Participant:
-    """Someone whose commands are waited for. ``joined`` is a stamp; ``lagging``: given up, until it answers again."""
+    """A service whose commands are waited for: one each ``period_ns`` from the stamp ``joined`` on.
+
+    ``newest`` is the newest stamp that it answered. ``lagging``: not waited for until it answers again.
+    """
 
     period_ns: int
     joined: int
+    latency_ns: int = 0
+    newest: int = -1
     lagging: bool = False
+
+    def owes(self, stamp: int) -> bool:
+        """Whether the answer to its newest period that began at or before ``stamp`` is missing."""
+        due = stamp - stamp % self.period_ns
+        return due >= self.joined and self.newest < due
+
+
+class CommandSchedule(Generic[C]):
+    """Commands that have arrived and wait for the control step at which they take effect."""
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[int, str, C]] = []
+
+    def add(self, robot: str, effective: int, command: C) -> None:
+        """``effective``: the stamp of the first control step that this command drives."""
+        self._waiting.append((effective, robot, command))
+
+    def take_due(self, stamp: int) -> list[tuple[str, C]]:
+        """Those that take effect at the control step that begins at ``stamp``, in order of their stamps."""
+        if not self._waiting:
+            return []
+        due = [entry for entry in self._waiting if entry[0] <= stamp]
+        if due:
+            self._waiting = [entry for entry in self._waiting if entry[0] > stamp]
+            due.sort(key=lambda entry: entry[0])
+        return [(robot, command) for _, robot, command in due]
+
+    def drop(self, robot: str) -> None:
+        self._waiting = [entry for entry in self._waiting if entry[1] != robot]
+
+    def clear(self) -> None:
+        self._waiting.clear()
 
 
 class Pacer:
-    """``awaited``: participants without whom time does not leave 0."""
+    """``awaited``: participants without whom time does not leave 0.
+
+    In lockstep the control step at stamp s begins once every participant has answered s - its command latency.
+    """
 
     def __init__(
         self,
@@ -50,7 +90,7 @@ class Pacer:
         paused: bool = False,
         awaited: tuple[ServiceId, ...] = (),
     ) -> None:
-        self._instant_ns = control_step_ns
+        self._step_ns = control_step_ns
         self._always_awaited = frozenset(awaited)
         self._awaited = set(awaited)
         self._speed = speed
@@ -60,11 +100,11 @@ class Pacer:
         self.participants: dict[ServiceId, Participant] = {}
         self.answers: dict[str, int] = {}
         self._anchor: tuple[float, int] | None = None
-        self._told: float | None = None
+        self._published: float | None = None
         self._waiting: float | None = None
         self._stepped = -math.inf
 
-    # -- what is wanted of it ----------------------------------------------------------------------------------------
+    # -- settings ----------------------------------------------------------------------------------------------------
 
     @property
     def speed(self) -> float | None:
@@ -83,78 +123,96 @@ class Pacer:
 
     @property
     def until(self) -> int | None:
-        """The stamp a paused world runs to, if it was told to advance."""
+        """The stamp that a paused simulation advances to, if it was asked to."""
         return self._until
 
     def advance(self, until: int) -> None:
-        """Let the paused world run until ``until``, and stand again; in lockstep once that instant is answered, so that
-        what is asked of a participant then is asked after it, whatever the load of the machine.
+        """Run the paused simulation until ``until``, then pause again. In lockstep the pause begins once that step is
+        answered, so that a request to a participant afterwards comes after the answer at any load of the machine.
         """
         self._until, self._anchor = until, None
 
     def reset(self) -> None:
-        """Time begins at 0 again, and waits there for all who took part so far to join again."""
+        """Time begins at 0 again, and waits there until all participants so far have joined again."""
         self._awaited = {*self._always_awaited, *self.participants}
         self.participants.clear()
         self.answers.clear()
-        self._until = self._anchor = self._told = self._waiting = None
+        self._until = self._anchor = self._published = self._waiting = None
 
-    # -- who takes part ----------------------------------------------------------------------------------------------
+    # -- participants ------------------------------------------------------------------------------------------------
 
-    def join(self, service: ServiceId, period_ns: int, stamp: int) -> None:
-        self.participants[service] = Participant(period_ns, stamp)
+    def join(self, service: ServiceId, period_ns: int, stamp: int, latency_ns: int = 0) -> None:
+        """A repeated declaration of the same period and latency changes nothing."""
+        known = self.participants.get(service)
+        if known is None or (known.period_ns, known.latency_ns) != (period_ns, latency_ns):
+            self.participants[service] = Participant(period_ns, stamp, latency_ns)
         self._awaited.discard(service)
 
     def leave(self, service: ServiceId) -> bool:
-        """It takes part no more, or has gone. False if it did not take part."""
+        """It no longer takes part. False if it did not take part."""
         if service not in self._always_awaited:
             self._awaited.discard(service)
         return self.participants.pop(service, None) is not None
 
+    def effective(self, robot: str, answers: int) -> int | None:
+        """The stamp from which on the answer to ``answers`` is in force; None for a repeated one, which changes
+        nothing. Running free, a command is in force as soon as it arrives.
+        """
+        participant = self._commander(robot)
+        if participant is None or not self.lockstep:
+            return answers
+        return None if answers <= participant.newest else answers + participant.latency_ns
+
     def answered(self, robot: str, answers: int) -> None:
-        """The newest command of ``robot`` answers this instant."""
+        """The newest command of ``robot`` answers this stamp."""
         self.answers[robot] = max(answers, self.answers.get(robot, answers))
-        for service, participant in self.participants.items():
-            if service.robot == robot:
-                participant.lagging = False
+        if (participant := self._commander(robot)) is not None:
+            participant.newest = max(participant.newest, answers)
+            participant.lagging = False
 
     def missing(self, stamp: int) -> list[ServiceId]:
-        """Who is to be heard before the world goes on from ``stamp``, whatever it costs."""
+        """Who must join or answer before the control step at ``stamp`` begins, however long that takes."""
         absent = list(self._awaited) if stamp == 0 else []
         if self.lockstep:
-            absent += [s for s, p in self.participants.items() if stamp % p.period_ns == 0 and self._newest(s) < stamp]
+            absent += [service for service, p in self.participants.items() if p.owes(stamp - p.latency_ns)]
         return absent
+
+    def unanswered(self, stamp: int) -> list[ServiceId]:
+        """In lockstep: who has not answered all of its periods that began at or before ``stamp``."""
+        return [service for service, p in self.participants.items() if p.owes(stamp)] if self.lockstep else []
+
+    def _commander(self, robot: str) -> Participant | None:
+        return next((p for service, p in self.participants.items() if service.robot == robot), None)
 
     # -- the decision ------------------------------------------------------------------------------------------------
 
     def decide(self, stamp: int, now: float) -> Decision:
-        """What to do now, standing at ``stamp``. A ``step`` is taken as done."""
-        if self._until is not None and stamp >= self._until and not self.missing(stamp):
+        """What to do now, with the simulation at ``stamp``. A ``step`` counts as taken."""
+        if self._until is not None and stamp >= self._until:
+            if self.missing(stamp) or self.unanswered(stamp):
+                return self._repeat("republish", now)
             self._until = None
         if self._paused and self._until is None:
             self._anchor = self._waiting = None
-            return self._repeat("tell_clock", now)
+            return self._repeat("publish_clock", now)
         if self.missing(stamp) or self._holds_back(stamp, now):
-            return self._repeat("retell", now)
+            return self._repeat("republish", now)
         due = self._due(stamp, now)
         if now < due:
             return Decision("wait", due - now)
-        self._told = self._waiting = None
+        self._published = self._waiting = None
         self._stepped = now
-        return Decision("step")
-
-    def _newest(self, service: ServiceId) -> int:
-        return self.answers.get(service.robot, -1)
+        return _STEP
 
     def _holds_back(self, stamp: int, now: float) -> bool:
-        """Running free: wait, for a bounded time, for those whose newest answer would grow too old."""
+        """Running free: wait, for a bounded time, for those whose newest answer would become too old."""
         if self.lockstep:
             return False
         late = [
             participant
-            for service, participant in self.participants.items()
+            for participant in self.participants.values()
             if not participant.lagging
-            and stamp + self._instant_ns - max(self._newest(service), participant.joined) > MAX_LAG_NS
+            and stamp + self._step_ns - max(participant.newest, participant.joined) > MAX_LAG_NS
         ]
         if not late:
             self._waiting = None
@@ -167,23 +225,26 @@ class Pacer:
             participant.lagging = True
         return False
 
-    def _repeat(self, kind: Literal["retell", "tell_clock"], now: float) -> Decision:
-        if self._told is None:
-            self._told = now
-        if now - self._told >= RETELL_AFTER:
-            self._told = now
+    def _repeat(self, kind: Literal["republish", "publish_clock"], now: float) -> Decision:
+        if self._published is None:
+            self._published = now
+        if now - self._published >= REPUBLISH_AFTER:
+            self._published = now
             return Decision(kind)
-        return Decision("wait", self._told + RETELL_AFTER - now)
+        return Decision("wait", self._published + REPUBLISH_AFTER - now)
 
     def _due(self, stamp: int, now: float) -> float:
-        """The wall time from which on the state that follows ``stamp`` is to be there."""
+        """The wall time at which the step from ``stamp`` is due."""
         if self._speed is None:
             return now
         if self._anchor is None:
             self._anchor = (now, stamp)
         wall, anchored = self._anchor
-        due = wall + (stamp + self._instant_ns - anchored) * 1e-9 / self._speed
+        due = wall + (stamp + self._step_ns - anchored) * 1e-9 / self._speed
         if now - due > LATE:
-            self._anchor = (now, stamp + self._instant_ns)
+            self._anchor = (now, stamp + self._step_ns)
             return now
-        return max(due, self._stepped + self._instant_ns * 1e-9 / (self._speed * CATCH_UP))
+        return max(due, self._stepped + self._step_ns * 1e-9 / (self._speed * CATCH_UP))
+
+
+_STEP = Decision("step")

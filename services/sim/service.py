@@ -16,7 +16,7 @@ from rackhand.schemas.service import WORLD, ServiceId
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import WorldReply, WorldRequest
 from rackhand.services.sim.session import Session
-from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS
+from rackhand.worlds.world_model import CONTROL_STEP_NS
 
 log = get_logger(__name__)
 
@@ -53,6 +53,7 @@ class SimService:
             self._inbox.on(topics.COMMAND, self._command, robot, COMMAND_DEPTH)
         self._inbox.on_request(topics.WORLD_CONTROL, self._serve, WORLD)
         self._inbox.on_presence(self._presence)
+        self._robots = (*session.simulation.robots, *session.simulation.arms)
         self._advancing: Request[WorldRequest, WorldReply] | None = None
         self._faults: set[tuple[str, str]] = set()
         self._waiting_for = ""
@@ -60,8 +61,8 @@ class SimService:
     def run(self) -> None:
         self._publish_models()
         self._publish_things()
-        self._bus.announce()
-        self._publish_instant()
+        self._bus.announce(*(ServiceId("driver", name) for name in self._robots))
+        self._publish_step()
         log.info("ready", world=self._session.simulation.world.name, seed=self._session.seed)
         while not self._bus.stopping:
             self._drain()
@@ -73,14 +74,14 @@ class SimService:
         self._finish_advance()
         match decision.kind:
             case "step":
-                simulation.step()
+                self._session.step()
                 self._publish_outputs()
                 if simulation.stamp % CONTROL_STEP_NS == 0:
                     self._publish_clock()
-            case "retell":
+            case "republish":
                 self._log_waiting()
-                self._publish_instant()
-            case "tell_clock":
+                self._publish_step()
+            case "publish_clock":
                 self._publish_clock()
             case "wait":
                 event = self._inbox.get(timeout=decision.seconds)
@@ -102,7 +103,7 @@ class SimService:
 
     def _presence(self, service: ServiceId, alive: bool) -> None:
         if not alive and self._session.gone(service):
-            log.warning("a participant disconnected; the world goes on without it", who=str(service))
+            log.warning("a participant disconnected; the simulation continues without it", who=str(service))
 
     def _serve(self, request: Request[WorldRequest, WorldReply]) -> None:
         order = request.message.request
@@ -113,7 +114,7 @@ class SimService:
         if order.op != "inspect":
             log.info(order.op, **order.model_dump(exclude={"op"}, exclude_defaults=True))
         if order.op in ("reset", "pause") and self._advancing is not None:
-            self._advancing.refuse(RefusalCode.PRECONDITION, f"{order.op} came before the world had advanced so far")
+            self._advancing.refuse(RefusalCode.PRECONDITION, f"{order.op} came before the end of the advance")
             self._advancing = None
         self._publish_changes()
         if reply is None:
@@ -133,7 +134,7 @@ class SimService:
     def _publish(self, topic: Topic[Any], robot: str, message: Message) -> None:
         self._publishers[topic, robot].put(message)
 
-    def _publish_instant(self) -> None:
+    def _publish_step(self) -> None:
         self._publish_outputs()
         self._publish_clock()
 
@@ -160,8 +161,8 @@ class SimService:
             self._publish_clock()
         if changes.things:
             self._publish_things()
-        if changes.instant:
-            self._publish_instant()
+        if changes.outputs:
+            self._publish_step()
 
     def _log_fault(self, robot: str, command: ChassisCommand | ArmCommand) -> None:
         """A command that is wrong in itself is logged once; late ones are no fault."""
@@ -171,7 +172,8 @@ class SimService:
             log.warning("command ignored; further ones with this fault are not logged", robot=robot, fault=fault)
 
     def _log_waiting(self) -> None:
-        missing = ", ".join(str(s) for s in self._session.pacer.missing(self._session.simulation.stamp))
+        pacer, stamp = self._session.pacer, self._session.simulation.stamp
+        missing = ", ".join(str(service) for service in pacer.missing(stamp) or pacer.unanswered(stamp))
         if missing != self._waiting_for:
-            log.info("waiting for commands", stamp=self._session.simulation.stamp, missing=missing or "nobody")
+            log.info("waiting for commands", stamp=stamp, missing=missing or "nobody")
             self._waiting_for = missing

@@ -1,4 +1,4 @@
-"""A world under control: the simulation, its pace, and what users, tests and participants may ask of both."""
+"""A simulation under control: its pace, the commands of its participants, and the requests that change it."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ from rackhand.schemas.world import (
     WorldReply,
     WorldRequest,
 )
+from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
 from rackhand.services.sim.errors import unknown
-from rackhand.services.sim.pacing import Pacer
+from rackhand.services.sim.pacing import CommandSchedule, Pacer
 from rackhand.services.sim.simulation import Simulation
-from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS
+from rackhand.worlds.world_model import CONTROL_STEP_NS
 
 # Whose commands a participant's answers are: one service commands a chassis, another an arm.
 CHASSIS_COMMANDER, ARM_COMMANDER = "planner", "controller"
@@ -44,10 +45,10 @@ class Run:
 
 @dataclass
 class Changes:
-    """What a request made worth telling at once."""
+    """What must be published at once after a request. ``outputs``: those of the present control step."""
 
     clock: bool = False
-    instant: bool = False
+    outputs: bool = False
     things: bool = False
 
 
@@ -64,6 +65,7 @@ class Session:
     def __post_init__(self) -> None:
         self.simulation = self.build(self.seed)
         self.run = self.new_run()
+        self._schedule: CommandSchedule[ChassisCommand | ArmCommand] = CommandSchedule()
 
     @property
     def clock(self) -> Clock:
@@ -82,20 +84,40 @@ class Session:
         return changes
 
     def command(self, robot: str, command: ChassisCommand | ArmCommand) -> bool:
-        """False if the command is not of this run or older than the one in force."""
-        taken = self.simulation.command(robot, command)
-        if taken:
-            self.pacer.answered(robot, command.answers)
-        return taken
+        """Take a command; in lockstep it takes effect when the command latency of its participant has passed.
+
+        False if the command is not of this run, or not valid: see ``Simulation.admit``.
+        """
+        effective = self.pacer.effective(robot, command.answers)
+        if effective is None:
+            return True
+        if not self.simulation.admit(robot, command):
+            return False
+        if self.pacer.lockstep:
+            self._schedule.add(robot, effective, command)
+        else:
+            self.simulation.apply(robot, command)
+        self.pacer.answered(robot, command.answers)
+        return True
+
+    def step(self) -> None:
+        """Take the next control step, driven by the commands that are in force in it."""
+        for robot, command in self._schedule.take_due(self.simulation.stamp):
+            self.simulation.apply(robot, command)
+        self.simulation.step()
 
     def gone(self, service: ServiceId) -> bool:
-        """A service's liveliness token has vanished: what it commanded counts no more. True if it took part."""
+        """The liveliness token of a service has vanished: its commands no longer count. True if it took part."""
         if service.service in (CHASSIS_COMMANDER, ARM_COMMANDER):
-            self.simulation.silence(service.robot)
+            self._silence(service.robot)
         return self.pacer.leave(service)
 
+    def _silence(self, robot: str) -> None:
+        self._schedule.drop(robot)
+        self.simulation.silence(robot)
+
     def handle(self, request: WorldRequest) -> WorldReply | None:
-        """Do what is asked. None: the answer is ``reply()`` once the pacer stands again (``Advance``).
+        """Do what is asked. None: the answer is ``reply()`` once the pacer has paused again (``Advance``).
 
         Raises ``RequestRefused``, and has then changed nothing.
         """
@@ -150,22 +172,34 @@ class Session:
         commander = ARM_COMMANDER if is_arm else CHASSIS_COMMANDER
         if join.service != commander:
             raise unknown("commanding service", join.service, (commander,))
-        instant = simulation.control_step_ns if is_arm else CONTROL_STEP_NS
-        if join.period_ns % instant:
+        step_ns = simulation.control_step_ns if is_arm else CONTROL_STEP_NS
+        if join.period_ns % step_ns:
             raise RequestRefused(
                 RefusalCode.INVALID,
-                f"period {join.period_ns} ns is not a multiple of the control instant of {instant} ns",
+                f"period {join.period_ns} ns is not a multiple of the control step of {step_ns} ns",
             )
-        self.pacer.join(ServiceId(join.service, join.robot), join.period_ns, self.simulation.stamp)
-        self.changes.instant = True  # it may have come after this instant was told
+        latency_ns = join.latency * join.period_ns
+        if latency_ns and latency_ns + join.period_ns > COMMAND_LIFE_NS:
+            raise RequestRefused(
+                RefusalCode.INVALID,
+                f"command latency of {join.latency} periods of {join.period_ns} ns: a command would be older than "
+                f"{COMMAND_LIFE_NS} ns before the next one takes effect",
+            )
+        service = ServiceId(join.service, join.robot)
+        if self.pacer.lockstep and service not in self.pacer.participants:
+            self._silence(join.robot)  # how many commands came before it joined depends on the load of the machine
+        self.pacer.join(service, join.period_ns, simulation.stamp, latency_ns)
+        self.changes.outputs = True  # it may have missed those of the present step
 
     def _advance(self, duration_ns: int) -> None:
         if not self.pacer.paused:
-            raise RequestRefused(RefusalCode.PRECONDITION, "the world runs; pause it before advancing it")
+            raise RequestRefused(RefusalCode.PRECONDITION, "the simulation is running; pause it before advancing it")
         if self.pacer.until is not None:
-            raise RequestRefused(RefusalCode.PRECONDITION, f"the world is on its way to stamp {self.pacer.until}")
-        instant = self.simulation.control_step_ns
-        self.pacer.advance(self.simulation.stamp + -(-duration_ns // instant) * instant)
+            raise RequestRefused(
+                RefusalCode.PRECONDITION, f"the simulation is already advancing to stamp {self.pacer.until}"
+            )
+        step_ns = self.simulation.control_step_ns
+        self.pacer.advance(self.simulation.stamp + -(-duration_ns // step_ns) * step_ns)
         self.changes.clock = True
 
     def _reset(self, seed: int) -> None:
@@ -173,4 +207,5 @@ class Session:
         self.seed = seed
         self.run = self.new_run()
         self.pacer.reset()
-        self.changes.clock = self.changes.instant = self.changes.things = True
+        self._schedule.clear()
+        self.changes.clock = self.changes.outputs = self.changes.things = True

@@ -22,16 +22,17 @@ from rackhand.schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, 
 from rackhand.services.sim.actors.obstacles import PERSON_SIZE, Obstacles
 from rackhand.services.sim.actors.walkers import Walker, is_in_way, make_route
 from rackhand.services.sim.arm.arm import Arm
-from rackhand.services.sim.arm.kinds import load_arm_kinds
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.chassis.profiles import Profile
 from rackhand.services.sim.chassis.robot import Robot, hull_touches
-from rackhand.services.sim.errors import PhysicsError, WorldFileError, unknown
+from rackhand.services.sim.errors import PhysicsError, unknown
 from rackhand.services.sim.mjcf.layers import ARM_BIT, ITEM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
 from rackhand.services.sim.mjcf.scene import build_model
 from rackhand.services.sim.world import scenery
-from rackhand.services.sim.world.contact_log import ContactLedger
-from rackhand.services.sim.world.worldfile import CONTROL_STEP_NS, Mover, PoseTuple, Walk, World
+from rackhand.services.sim.world.contact_log import ContactLog
+from rackhand.worlds.arm_model import load_arm_descriptions
+from rackhand.worlds.chassis_model import ChassisProfile
+from rackhand.worlds.data import PoseTuple, WorldFileError
+from rackhand.worlds.world_model import CONTROL_STEP_NS, Mover, Walk, World
 
 SETTLING_INSTANTS = 15
 FARTHEST = 1000.0
@@ -60,10 +61,12 @@ class Simulation:
     again.
     """
 
-    def __init__(self, world: World, profiles: Mapping[str, Profile], seed: int, noise: NoiseSettings = NOISE) -> None:
+    def __init__(
+        self, world: World, profiles: Mapping[str, ChassisProfile], seed: int, noise: NoiseSettings = NOISE
+    ) -> None:
         self.world, self.seed = world, seed
         self.control_step_ns = world.control_step_ns
-        kinds = load_arm_kinds(world)
+        kinds = load_arm_descriptions(world)
         self.model = build_model(world, profiles, kinds)
         self.data = mujoco.MjData(self.model)
         self.obstacles = Obstacles(self.model, self.data)
@@ -83,7 +86,7 @@ class Simulation:
         self._bodies = scenery.moving_bodies(self.model)
         hulls = {robot.hull: name for name, robot in self.robots.items()}
         hulls |= {int(geom): name for name, arm in self.arms.items() for geom in arm.geoms}
-        self.contact_log = ContactLedger(hulls, self.model.ngeom, self._owner)
+        self.contact_log = ContactLog(hulls, self.model.ngeom, self._owner)
         self.stamp = 0
         self._hash = hashlib.blake2b(digest_size=16)
         try:
@@ -106,18 +109,28 @@ class Simulation:
     # -- what is done to the world -----------------------------------------------------------------------------------
 
     def command(self, robot: str, command: ChassisCommand | ArmCommand) -> bool:
-        """Take a command. False if it is none of this run (it answers an instant that has not been) or an older one."""
+        """Take a command and let it take effect at once. False if ``admit`` refuses it."""
+        if not self.admit(robot, command):
+            return False
+        self.apply(robot, command)
+        return True
+
+    def admit(self, robot: str, command: ChassisCommand | ArmCommand) -> bool:
+        """Whether a command may take effect, now or later. False if it is not of this run (it answers a stamp of the
+        future), malformed, older than one that was admitted before, or of a grant that a newer one replaced.
+        """
         if command.answers > self.stamp:
             return False
         if isinstance(command, ArmCommand):
-            return robot in self.arms and self.arms[robot].command(command)
-        known = self.robots.get(robot)
-        if known is None:
-            return False
-        if known.command is not None and command.answers < known.command.answers:
-            return False
-        known.command = command
-        return True
+            return robot in self.arms and self.arms[robot].admit(command)
+        return robot in self.robots and self.robots[robot].admit(command)
+
+    def apply(self, robot: str, command: ChassisCommand | ArmCommand) -> None:
+        """Let an admitted command take effect from the next control step on."""
+        if isinstance(command, ArmCommand):
+            self.arms[robot].command(command)
+        else:
+            self.robots[robot].command = command
 
     def silence(self, robot: str) -> None:
         """Nobody commands the robot any more: it brakes at once, without waiting for its last command to grow stale."""

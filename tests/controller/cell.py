@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rackhand.schemas.arrays import Array
 from rackhand.schemas.motion import (
     ArmCommand,
     ArmState,
@@ -18,9 +19,10 @@ from rackhand.schemas.motion import (
 )
 from rackhand.services.controller import ik
 from rackhand.services.controller.access.types import AccessConfig, AuditEntry
+from rackhand.services.controller.commands.spec import CommandTable
+from rackhand.services.controller.commands.table import COMMANDS
 from rackhand.services.controller.controller import Controller
 from rackhand.services.controller.motion.meter import Stopwatch, no_stopwatch
-from rackhand.services.controller.trajectory.model import Array
 from rackhand.services.controller.warm_up import Inline
 
 PERIOD_NS = 4_000_000
@@ -40,12 +42,20 @@ class PerfectArm:
         stopwatch: Stopwatch = no_stopwatch,
         gripper: Gripper | None = None,
         reader: Any = None,
+        commands: CommandTable = COMMANDS,
         **access: Any,
     ) -> None:
         self.arm = arm
         self.epochs = 0
         self.controller = Controller(
-            arm, PERIOD_NS, executor or Inline(), self._epoch, AccessConfig(**access), stopwatch, reader=reader
+            arm,
+            PERIOD_NS,
+            executor or Inline(),
+            self._epoch,
+            AccessConfig(**access),
+            stopwatch,
+            reader=reader,
+            commands=commands,
         )
         self.lockstep = lockstep
         self.gripper = gripper
@@ -116,7 +126,7 @@ class PerfectArm:
         begun = self.stamp
         while self.stamp - begun < limit * 1e9:
             self.advance(0.004)
-            if self.controller.mover.standing and not self.controller.busy and np.abs(self.dq).max() < 1e-9:
+            if self.controller.motion.standing and not self.controller.busy and np.abs(self.dq).max() < 1e-9:
                 return (self.stamp - begun) * 1e-9
         raise AssertionError(f"still moving after {limit} s")
 

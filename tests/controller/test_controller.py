@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rackhand.schemas.arrays import Array
 from rackhand.schemas.crf import CrfCode
 from rackhand.services.controller import ik
-from rackhand.services.controller.trajectory.model import Array
 from tests.controller.cell import FR3, PERIOD_NS, UR5E, PerfectArm, moved, pose
 
 BAD = {"code": 400, "detail": 0}
@@ -227,7 +227,7 @@ def test_a_force_at_the_tool_becomes_joint_torques() -> None:
     cell.ok("a", command="setTorque", type="task", data=force.tolist(), reference=1)
     cell.advance(0.004)
     assert cell.command is not None
-    expected = cell.controller.mover.kinematics.jacobian(cell.q).T @ force
+    expected = cell.controller.motion.kinematics.jacobian(cell.q).T @ force
     assert np.abs(np.array(cell.command.values) - expected).max() < 1e-6
 
 
@@ -399,7 +399,7 @@ def test_a_posture_is_drawn_to_while_the_tool_keeps_its_path() -> None:
 
 def test_bad_parameters_change_nothing() -> None:
     cell = PerfectArm()
-    before = cell.controller.mover.solver.objectives.state()
+    before = cell.controller.motion.solver.ik.objectives.state()
     for functions in (
         {"JointLimits": {"enable": True}, "Manipulability": {"enable": True, "p": 1.0}},
         {"CollisionAvoidanceSphere": {"enable": True}},
@@ -408,8 +408,8 @@ def test_bad_parameters_change_nothing() -> None:
             "a", command="setParameters", priority=10, data={"Controller": {"ObjectiveFunctions": functions}}
         )
         assert answer["message"] == BAD
-    assert not cell.controller.mover.tuning.shapes_paths
-    assert cell.controller.mover.solver.objectives.state() == before
+    assert not cell.controller.motion.tuning.shapes_paths
+    assert cell.controller.motion.solver.ik.objectives.state() == before
 
 
 def test_the_seed_of_inverse_kinematics_is_where_the_arm_stands() -> None:

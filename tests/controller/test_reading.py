@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from rackhand.services.controller.protocol.dispatch import Dispatcher
 from rackhand.services.controller.protocol.reading import LONG, MAX_WAITING
 from tests.controller.cell import UR5E, PerfectArm
 
@@ -79,7 +80,7 @@ def test_a_stop_is_faster_and_what_it_overtook_moves_nothing(arm: PerfectArm, re
         409,
         5,
     )
-    assert arm.controller.mover.standing and arm.controller.access.priority_under_control == 0
+    assert arm.controller.motion.standing and arm.controller.access.priority_under_control == 0
 
 
 def test_who_has_gone_moves_nothing_any_more(arm: PerfectArm, reader: Later) -> None:
@@ -87,7 +88,7 @@ def test_who_has_gone_moves_nothing_any_more(arm: PerfectArm, reader: Later) -> 
     arm.controller.disconnected("a")
     reader.work()
     arm.advance(0.1)
-    assert arm.controller.mover.standing and arm.controller.access.priority_under_control == 0
+    assert arm.controller.motion.standing and arm.controller.access.priority_under_control == 0
 
 
 def test_in_lockstep_the_tick_waits_so_that_runs_are_the_same() -> None:
@@ -95,22 +96,22 @@ def test_in_lockstep_the_tick_waits_so_that_runs_are_the_same() -> None:
         arm = PerfectArm(reader=pool)
         path = send(arm, "a", **PATH)
         arm.advance(0.004)
-        assert path in arm.answers or arm.controller._planner.busy
-        assert not arm.controller._reading.busy
+        assert path in arm.answers or arm.controller.planning
+        assert arm.controller.busy == arm.controller.planning, "nothing is left to be read"
 
 
 def test_one_that_fails_is_told_so_and_takes_nobody_with_it(
     arm: PerfectArm, reader: Later, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lost, other = send(arm, "a", **PATH), send(arm, "b", **{**PATH, "priority": 5})
-    real = arm.controller._dispatcher.request
+    real = Dispatcher.request
 
-    def fails(session: str, *rest: Any) -> Any:
+    def fails(dispatcher: Dispatcher, session: str, *rest: Any) -> Any:
         if session == "a":
             raise RuntimeError("a bug")
-        return real(session, *rest)
+        return real(dispatcher, session, *rest)
 
-    monkeypatch.setattr(arm.controller._dispatcher, "request", fails)
+    monkeypatch.setattr(Dispatcher, "request", fails)
     reader.work()
     arm.advance(0.008)
     assert arm.answers[lost]["message"] == 500 and arm.answers[other]["message"] == OK

@@ -16,7 +16,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from rackhand.schemas.fencing import FencingGuard
 from rackhand.schemas.motion import ArmCommand
-from rackhand.services.controller.protocol.dispatch import alias
+from rackhand.services.controller.protocol.sessions import alias
 from tests.controller.cell import PERIOD_NS, UR5E, PerfectArm
 
 CLIENTS = st.sampled_from(["a", "b", "c"])
@@ -56,7 +56,7 @@ class SharedArm(RuleBasedStateMachine):
             self.watch()
         del self.sent[:-200]
 
-    @precondition(lambda self: not self.arm.controller.mover.standing)
+    @precondition(lambda self: not self.arm.controller.motion.standing)
     @rule()
     def silence(self) -> None:
         """Nobody says anything while the arm moves: every lock runs out, and it comes to rest on the way."""

@@ -33,7 +33,7 @@ def provoke(cell: PerfectArm, code: CrfCode) -> None:
             cell.ok("a", command="appendPath", type="joints", data=[(UR5E.home + 1.5).tolist()])
             cell.advance(0.4)
             cell.stamp += 3 * PERIOD_NS  # states that never came
-            cell.q = cell.controller.mover.q.copy()
+            cell.q = cell.controller.motion.q.copy()
             cell.tick()
         case CrfCode.LowManipulability:
             start = UR5E.home.copy()
@@ -64,7 +64,7 @@ def test_a_code_comes_up_and_stops_the_arm_if_it_is_to(code: CrfCode, heeded: bo
         cell.advance(0.02)
     assert code in cell.get_status()["controllerStatus"]
     cell.advance(0.6)
-    assert (not cell.controller.mover.running) is heeded
+    assert (not cell.controller.motion.running) is heeded
     if heeded:
         where = cell.q.copy()
         cell.advance(1.0)

@@ -53,9 +53,7 @@ class FakeInbox:
     def __init__(self) -> None:
         self.handlers: dict[tuple[str, str], Callable[[str, Any], None]] = {}
 
-    def on(
-        self, topic: Topic[Any], handler: Callable[[str, Any], None], robot: str = "*", depth: int | None = None
-    ) -> None:
+    def on(self, topic: Topic[Any], handler: Callable[[str, Any], None], robot: str = "*", **_depth: Any) -> None:
         self.handlers[topic.name, robot] = handler
 
 

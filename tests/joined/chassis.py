@@ -19,7 +19,7 @@ from rackhand.services.planner.database import Database
 from rackhand.services.planner.map.directory import read_map_directory
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.moves.records import MoveStore
-from rackhand.services.sim.world.worldfile import world_directory
+from rackhand.worlds.world_model import world_directory
 
 if TYPE_CHECKING:
     from tests.joined.world import JoinedWorld

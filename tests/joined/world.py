@@ -20,11 +20,11 @@ from rackhand.schemas.base import NANOSECONDS, Message, Pose2
 from rackhand.schemas.service import ServiceId
 from rackhand.schemas.world import Advance, Inspect, Join, ObjectPose, Pause, Reset, WorldReply, WorldRequest
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.chassis.profiles import load_profiles
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.session import Run, Session
 from rackhand.services.sim.simulation import Output, Simulation
-from rackhand.services.sim.world.worldfile import World, load_world
+from rackhand.worlds.chassis_model import load_profiles
+from rackhand.worlds.world_model import World, load_world
 from tests.joined.arm import JoinedArm
 from tests.joined.chassis import JoinedChassis
 
@@ -151,7 +151,7 @@ class JoinedWorld:
                 return
             missing = pacer.missing(self.simulation.stamp)
             assert decision.kind == "step", f"simulation waits for {missing or decision.kind} at {self.now():.3f} s"
-            self.simulation.step()
+            self.session.step()
             self._deliver(self.simulation.outputs)
 
     def _deliver(self, outputs: tuple[Output, ...]) -> None:

@@ -87,7 +87,8 @@ def test_real_frames_fit_their_schemas_and_others_do_not() -> None:
     facts = Facts(
         {
             topics.POSE: messages.pose(), topics.ODOMETRY: messages.odometry(), topics.SCAN: messages.scan(),
-            topics.PLANNING_STATE: messages.planning(), topics.PATH: messages.path(), topics.BATTERY: messages.battery(),
+            topics.PLANNING_STATE: messages.planning(), topics.PATH: messages.path(),
+            topics.BATTERY: messages.battery(),
             topics.MAP: messages.current_map(), topics.CHASSIS_STATUS: messages.status(), topics.JACK: messages.jack(),
             topics.CHASSIS_MODEL: messages.model(), topics.COSTMAP: messages.costmap(),
         }

@@ -20,6 +20,9 @@ from rackhand.services.launch.viewing import with_viewer
 from tests.launch.conftest import Running
 
 cli = CliRunner()
+HEAD = "version: 1\nname: mine\nbounds: [0, 0, 5, 5]\n"
+ROBOTS = f"{HEAD}robots: {{amr1: {{profile: longjack, pose: [1, 1, 0]}}}}\n"
+ARMS = f"{HEAD}arms: {{arm1: {{kind: fr3, pose: [1, 1, 0]}}, arm2: {{kind: ur5e, pose: [4, 1, 0]}}}}\n"
 RACKHAND = [sys.executable, "-m", "rackhand.services.launch"]
 
 
@@ -28,7 +31,7 @@ def up(tmp_path: Path) -> list[str]:
     """``rackhand up`` on free ports, with a world whose folder exists."""
     world = tmp_path / "world"
     world.mkdir()
-    (world / "world.yaml").write_text("")
+    (world / "world.yaml").write_text(ROBOTS)
     return ["up", "--world", str(world), "--port", "0", "--bus-port", "0", "--viewer-port", "0"]
 
 
@@ -63,7 +66,9 @@ def test_a_bad_speed_is_refused(speed: str) -> None:
 def test_a_world_that_is_not_there_is_told(tmp_path: Path) -> None:
     result = cli.invoke(app, ["up", "--world", "atlantis", "--state-dir", str(tmp_path / "var")])
     assert result.exit_code == 1
-    assert "there is no world 'atlantis'" in result.output
+    assert "'atlantis' is neither a world (empty, pick_station, warehouse) nor a folder" in " ".join(
+        result.output.split()
+    )
     assert not (tmp_path / "var").exists()
 
 
@@ -82,7 +87,9 @@ def test_options_reach_the_services() -> None:
 
 
 def test_the_world_says_who_acts(tmp_path: Path) -> None:
-    (tmp_path / "world.yaml").write_text("robots: {amr1: {}, amr2: {}}\narms: {arm1: {kind: fr3}}\n")
+    place = "{profile: longjack, pose: [1, 1, 0]}"
+    content = f"{HEAD}robots: {{amr1: {place}, amr2: {place}}}\narms: {{arm1: {{kind: fr3, pose: [1, 1, 0]}}}}\n"
+    (tmp_path / "world.yaml").write_text(content)
     table = {process.name: process for process in cell_processes(CellOptions(world=str(tmp_path)), {})}
     assert list(table) == ["router", "sim", "planner-amr1", "planner-amr2", "controller", "gateway", "viewer"]
     controller = " ".join(table["controller"].argv)
@@ -104,20 +111,24 @@ def test_a_world_of_arms_needs_no_planner() -> None:
     ("text", "told"),
     [
         ("robots: [", "not YAML"),
-        ("robots: [amr1]", "robots: want a mapping of names"),
-        ("arms: {arm1: {pose: [0, 0, 0]}}", "arms.arm1: want its kind"),
+        (HEAD + "robots: [amr1]", "robots: Input should be a valid dictionary"),
+        (HEAD + "arms: {arm1: {pose: [0, 0, 0]}}", "arms.arm1.kind: Field required"),
+        (HEAD + "arms: {arm1: {kind: ur6, pose: [0, 0, 0]}}", "arms.arm1.kind: arm 'ur6' is not known"),
+        (HEAD + "robots: {amr1: {profile: tank, pose: [0, 0, 0]}}", "chassis profile 'tank' is not known"),
     ],
 )
-def test_a_world_that_does_not_say_who_acts_is_told(up: list[str], tmp_path: Path, text: str, told: str) -> None:
+def test_a_world_file_that_is_wrong_is_refused_before_anything_starts(
+    up: list[str], tmp_path: Path, text: str, told: str
+) -> None:
     (tmp_path / "world" / "world.yaml").write_text(text)
     result = cli.invoke(app, [*up, "--state-dir", str(tmp_path / "var")])
     assert result.exit_code == 1
-    assert told in result.output
+    assert told in " ".join(result.output.split())
     assert not (tmp_path / "var").exists()
 
 
 def test_crf_ports_go_to_the_arms_in_order(tmp_path: Path) -> None:
-    (tmp_path / "world.yaml").write_text("arms: {arm1: {kind: fr3}, arm2: {kind: ur5e}}\n")
+    (tmp_path / "world.yaml").write_text(ARMS)
     options = CellOptions(world=str(tmp_path), crf_port=5000)
     table = {p.name: p for p in cell_processes(replace(options, crf=crf_addresses(options)), {})}
     assert "--crf-port arm1=5000 --crf-port arm2=5001" in " ".join(table["gateway"].argv)
@@ -128,8 +139,8 @@ def test_crf_ports_go_to_the_arms_in_order(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("world", "port", "told"), [
-    ("", "5000", "there is no arm in world"),
-    ("arms: {arm1: {kind: fr3}, arm2: {kind: fr3}}", "65535", "2 arms from 65535 on, ports end at 65535"),
+    (ROBOTS, "5000", "there is no arm in world"),
+    (ARMS, "65535", "2 arms from 65535 on, ports end at 65535"),
 ])  # fmt: skip
 def test_crf_ports_that_cannot_be_are_told(up: list[str], tmp_path: Path, world: str, port: str, told: str) -> None:
     (tmp_path / "world" / "world.yaml").write_text(world)
@@ -139,7 +150,7 @@ def test_crf_ports_that_cannot_be_are_told(up: list[str], tmp_path: Path, world:
 
 
 def test_a_crf_port_in_use_is_told(up: list[str], tmp_path: Path) -> None:
-    (tmp_path / "world" / "world.yaml").write_text("arms: {arm1: {kind: fr3}}")
+    (tmp_path / "world" / "world.yaml").write_text(ARMS)
     with socket.create_server(("127.0.0.1", 0)) as holder:
         port = holder.getsockname()[1]
         result = cli.invoke(app, [*up, "--crf-port", str(port), "--state-dir", str(tmp_path / "var")])

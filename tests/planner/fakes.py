@@ -148,7 +148,7 @@ class Cell:
             self.maps.use(self.maps.create(a_map(), 0))
         self.chassis = Chassis(self.navigator, self.moves, self.maps, self.settings)
         self.chassis.on_message(chassis_model())
-        self.chassis.set_driver_alive(True)
+        self.chassis.set_driver_fault("")
         self.sense()
 
     def sense(self) -> None:

@@ -10,8 +10,8 @@ import pytest
 from rackhand.schemas import crf_examples
 from rackhand.schemas import crf_requests as crf
 from rackhand.schemas.motion import ControlInfo, Reply
+from rackhand.services.controller.commands.table import COMMANDS
 from rackhand.services.controller.protocol.answers import Answer
-from rackhand.services.controller.protocol.checks import objection
 from rackhand.services.controller.protocol.parse import parse
 from tests.controller.cell import UR5E, PerfectArm
 from tests.controller.protocol.bench import ARM
@@ -20,9 +20,9 @@ from tests.gateway.harness import new_app
 
 @pytest.mark.parametrize("request_", crf_examples.REQUESTS.values(), ids=crf_examples.REQUESTS)
 def test_an_example_is_a_request_of_the_protocol(request_: dict[str, Any]) -> None:
-    parsed = parse(json.dumps(request_), UR5E.n)
+    parsed = parse(json.dumps(request_), UR5E.n, COMMANDS)
     assert not isinstance(parsed.result, Answer), parsed.result
-    assert objection(parsed.result, ARM) == ""
+    assert COMMANDS.of(parsed.result).check(parsed.result, ARM) == ""
 
 
 def test_a_controller_takes_them_all() -> None:

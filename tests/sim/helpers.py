@@ -8,9 +8,9 @@ from rackhand.schemas.base import Twist2
 from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.topics import Topic
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.chassis.profiles import load_profiles
 from rackhand.services.sim.simulation import CONTROL_STEP_NS, Simulation
-from rackhand.services.sim.world.worldfile import World
+from rackhand.worlds.chassis_model import load_profiles
+from rackhand.worlds.world_model import World
 
 EXACT = NoiseSettings(scale=0.0)
 STILL = Twist2(linear=0.0, angular=0.0)

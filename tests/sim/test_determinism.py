@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from rackhand.services.sim.chassis.noise import NoiseSettings, generator
-from rackhand.services.sim.chassis.profiles import load_profiles
 from rackhand.services.sim.simulation import Simulation
-from rackhand.services.sim.world.worldfile import load_world
+from rackhand.worlds.chassis_model import load_profiles
+from rackhand.worlds.world_model import load_world
 from tests.sim.helpers import drive
 
 WAREHOUSE = load_world("warehouse")

@@ -11,7 +11,7 @@ from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.motion.profile import hardware_limits
 from rackhand.services.controller.trajectory.continuation import follow
 from rackhand.services.controller.trajectory.geometry import Tolerance, task_path
-from rackhand.services.controller.trajectory.model import PathRefused, Pose
+from rackhand.services.controller.trajectory.model import PathRefused, TcpPose
 from tests.system.station import (
     BAD,
     PERIOD,
@@ -78,7 +78,7 @@ def edge_of_reach(arm: ik.Arm, start: Array, direction: Array) -> float:
     kinematics, limits = ArmKinematics(arm), hardware_limits(arm)
 
     def reaches(distance: float) -> bool:
-        points = [Pose(start[:, 3] + d * direction, start[:, :3]) for d in (0.0, distance)]
+        points = [TcpPose(start[:, 3] + d * direction, start[:, :3]) for d in (0.0, distance)]
         try:
             follow(kinematics, limits, task_path(points, Tolerance()), arm.home)
         except PathRefused:
@@ -92,7 +92,7 @@ def edge_of_reach(arm: ik.Arm, start: Array, direction: Array) -> float:
 
 
 def outwards(arm: ik.Arm, distance: float) -> Array:
-    """Pose with the tool so far away from its home, on the line from the base through it."""
+    """TcpPose with the tool so far away from its home, on the line from the base through it."""
     shifted = ik.forward(arm, arm.home)
     shifted[:, 3] *= 1 + distance / np.linalg.norm(shifted[:, 3])
     return shifted

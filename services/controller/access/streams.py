@@ -6,26 +6,19 @@ from dataclasses import dataclass
 
 from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.motion import FencingToken, RefusalDetail
+from rackhand.services.controller.access.types import Decision
 
 DEADMAN_NS = 100_000_000
 
 
 @dataclass(frozen=True)
 class StreamSample:
-    """A reference as it arrived, with what its sender said of its order and age."""
+    """A reference as it arrived, with the order and age its sender gave it."""
 
     token: FencingToken
     sequence: int | None = None
     stamp: int | None = None
     timeout_ns: int | None = None
-
-
-@dataclass(frozen=True)
-class StreamVerdict:
-    ok: bool
-    code: CrfCode = CrfCode.OK
-    detail: RefusalDetail = RefusalDetail.NONE
-    text: str = ""
 
 
 class StreamGuard:
@@ -49,18 +42,18 @@ class StreamGuard:
         """Whether a reference is in force (as of the last ``offer`` or ``expired``)."""
         return self._deadline is not None
 
-    def offer(self, sample: StreamSample, now: int) -> StreamVerdict:
+    def offer(self, sample: StreamSample, now: int) -> Decision:
         """Takes a sample, or says why it is stale (412). A refused sample refreshes nothing."""
         if sample.token != self._token:
             self._token, self._sequence, self._stamp = sample.token, None, None
         late = self._lateness(sample, now)
         if late:
-            return StreamVerdict(False, CrfCode.PreconditionFailed, RefusalDetail.STALE_SAMPLE, late)
+            return Decision(False, CrfCode.PreconditionFailed, RefusalDetail.STALE_SAMPLE, late)
         self._sequence = sample.sequence if sample.sequence is not None else self._sequence
         self._stamp = sample.stamp if sample.stamp is not None else self._stamp
         wanted = self._deadman_ns if sample.timeout_ns is None else sample.timeout_ns
         self._deadline = now + min(wanted, self._deadman_ns)
-        return StreamVerdict(True)
+        return Decision(True)
 
     def expired(self, now: int) -> bool:
         """True once when the reference dies: it is zero from here on."""

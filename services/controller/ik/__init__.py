@@ -45,7 +45,7 @@ test holds them equal to OSQP), and OSQP when rows bind. Read in this order:
     rowqp       the QP with rows, by OSQP's low-level object
 """
 
-from rackhand.services.controller.ik.arm import Arm, ArmError, Limits, Sphere, build_arm, from_mujoco, load_arm
+from rackhand.services.controller.ik.arm import Arm, ArmError, ArmLimits, Sphere, build_arm, from_mujoco, load_arm
 from rackhand.services.controller.ik.collision import Zone
 from rackhand.services.controller.ik.objectives import ObjectiveError, Objectives
 from rackhand.services.controller.ik.pose import PoseSolution, solve_pose
@@ -54,8 +54,8 @@ from rackhand.services.controller.ik.servo import DifferentialIk, Settings, Solv
 __all__ = [
     "Arm",
     "ArmError",
+    "ArmLimits",
     "DifferentialIk",
-    "Limits",
     "ObjectiveError",
     "Objectives",
     "PoseSolution",

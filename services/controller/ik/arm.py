@@ -6,15 +6,15 @@ fixed root body and knows no velocity limits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-import yaml
 from numpy.typing import NDArray
+
+from rackhand.worlds.arm_model import ArmDescription, LinkSphere, arm_mjcf, load_arm_description
+from rackhand.worlds.data import WorldFileError
 
 if TYPE_CHECKING:
     import mujoco
@@ -23,11 +23,11 @@ Array = NDArray[np.float64]
 
 
 class ArmError(ValueError):
-    """A description that is no arm: says what, where, and what was expected."""
+    """A description that does not give an arm; the text says what, where, and what was expected."""
 
 
 @dataclass(frozen=True)
-class Limits:
+class ArmLimits:
     """Joint limits, each of shape (n,): rad, rad/s, rad/s², rad/s³, Nm; and the task's as (linear, angular) pairs."""
 
     lower: Array
@@ -63,7 +63,7 @@ class Arm:
     model: pin.Model
     placements: Array
     joints: tuple[str, ...]
-    limits: Limits
+    limits: ArmLimits
     home: Array
     spheres: tuple[Sphere, ...]
     self_collision: tuple[tuple[int, int], ...]
@@ -75,51 +75,50 @@ class Arm:
 
 
 def load_arm(name: str, compiled: mujoco.MjModel | None = None, prefix: str = "", tool: str | None = None) -> Arm:
-    """The arm `name` of `worlds/arms`.
+    """The arm `name` of the worlds folders (`arms/<name>.yaml` and `arms/<name>.xml`).
 
     With `compiled`, kinematics and inertias are read from that model (a cell, where the arm's names carry `prefix`
     and a gripper may hang on the flange) instead of from the arm's own MJCF. `tool` is the site or body to command
-    (the flange).
+    (the flange). Raises `ArmError`.
     """
-    folder = files("rackhand.worlds.arms")
-    names = sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
-    if name not in names:
-        raise ArmError(f"no arm {name!r} in worlds/arms: expected one of {', '.join(names)}")
+    try:
+        description, mjcf = load_arm_description(name), arm_mjcf(name)
+    except WorldFileError as error:
+        raise ArmError(str(error)) from None
     if compiled is None:
         import mujoco  # only where a model is read: everything else of this package does without
 
-        compiled = mujoco.MjModel.from_xml_string((folder / f"{name}.xml").read_text(encoding="utf-8"))
-    extra = yaml.safe_load((folder / f"{name}.yaml").read_text(encoding="utf-8"))
-    return build_arm(name, compiled, extra | {"tool": tool or extra["tool"]}, prefix)
+        compiled = mujoco.MjModel.from_xml_path(str(mjcf))
+    return build_arm(name, compiled, description.model_copy(update={"tool": tool or description.tool}), prefix)
 
 
-def build_arm(name: str, compiled: mujoco.MjModel, extra: Mapping[str, Any], prefix: str = "") -> Arm:
-    """The arm in a compiled model, `extra` giving what an MJCF cannot say (the keys of `worlds/arms/*.yaml`)."""
-    model = from_mujoco(compiled, prefix + extra["base"])
-    tool = model.getFrameId(prefix + extra["tool"])
+def build_arm(name: str, compiled: mujoco.MjModel, description: ArmDescription, prefix: str = "") -> Arm:
+    """The arm in a compiled model, `description` giving what an MJCF cannot say."""
+    model = from_mujoco(compiled, prefix + description.base)
+    tool = model.getFrameId(prefix + description.tool)
     if tool >= model.nframes:
-        raise ArmError(f"{name}: no body or site {prefix + extra['tool']!r} below body {prefix + extra['base']!r}")
-    n = model.nv
+        raise ArmError(
+            f"{name}: no body or site {prefix + description.tool!r} below body {prefix + description.base!r}"
+        )
     placements, turns = _chain(model, tool)
-    limits = Limits(
+    if len(description.home) != model.nv:
+        raise ArmError(f"{name}: home has {len(description.home)} joint positions, the MJCF has {model.nv} joints")
+    limits = ArmLimits(
         model.lowerPositionLimit.copy(),
         model.upperPositionLimit.copy(),
-        _per_joint(extra, "velocity", n, name),
-        _per_joint(extra, "acceleration", n, name),
-        _per_joint(extra, "jerk", n, name),
+        np.array(description.velocity),
+        np.array(description.acceleration),
+        np.array(description.jerk),
         model.upperEffortLimit.copy(),
-        _pair(extra, "task_velocity", name),
-        _pair(extra, "task_acceleration", name),
+        description.task_velocity,
+        description.task_acceleration,
     )
-    spheres = tuple(_sphere(model, turns, prefix, entry, name) for entry in extra.get("spheres", ()))
+    home = np.array(description.home)
+    if np.any(home < limits.lower) or np.any(home > limits.upper):
+        raise ArmError(f"{name}: home {home.tolist()} is not within the joint ranges of the MJCF")
+    spheres = tuple(_sphere(model, turns, prefix, sphere, name) for sphere in description.spheres)
     index = {sphere.name: i for i, sphere in enumerate(spheres)}
-    try:
-        pairs = tuple((index[a], index[b]) for a, b in extra.get("self_collision", ()))
-    except KeyError as unknown:
-        raise ArmError(f"{name}: self_collision names no sphere {unknown}; expected one of {sorted(index)}") from None
-    home = np.asarray(extra["home"], float)
-    if home.shape != (n,) or np.any(home < limits.lower) or np.any(home > limits.upper):
-        raise ArmError(f"{name}: home must be {n} joint positions within the limits, is {home.tolist()}")
+    pairs = tuple((index[a], index[b]) for a, b in description.self_collision)
     return Arm(name, model, placements, tuple(model.names)[1:], limits, home, spheres, pairs)
 
 
@@ -127,9 +126,7 @@ def from_mujoco(compiled: mujoco.MjModel, base: str) -> pin.Model:
     """Pinocchio's model of the bodies below `base` of a compiled MuJoCo model, in the frame of `base`.
 
     Hinges and slides become joints of the same names, bodies and sites frames; inertias, rotor inertias, joint ranges
-    and
-    force limits are taken over. Frames, Jacobians, bias forces and mass matrix equal MuJoCo's to rounding (a test
-    holds it).
+    and force limits are taken over. Frames, Jacobians, bias forces and mass matrix equal MuJoCo's to rounding.
     """
     ids = {compiled.body(i).name: i for i in range(compiled.nbody)}
     if base not in ids:
@@ -204,25 +201,13 @@ def _chain(model: pin.Model, tool: int) -> tuple[Array, list[Array]]:
     return placements, turns
 
 
-def _sphere(model: pin.Model, turns: list[Array], prefix: str, entry: Mapping[str, Any], name: str) -> Sphere:
-    frame = model.getFrameId(prefix + entry["body"])
+def _sphere(model: pin.Model, turns: list[Array], prefix: str, sphere: LinkSphere, name: str) -> Sphere:
+    frame = model.getFrameId(prefix + sphere.body)
     if frame >= model.nframes:
-        raise ArmError(f"{name}: sphere {entry['name']!r} names no body {prefix + entry['body']!r} of the arm")
+        raise ArmError(f"{name}: sphere {sphere.name!r} names no body {prefix + sphere.body!r} of the arm")
     joint = model.frames[frame].parentJoint
-    center = turns[joint].T @ model.frames[frame].placement.act(np.asarray(entry["at"], float))
-    return Sphere(entry["name"], joint - 1, center, float(entry["radius"]))
-
-
-def _per_joint(extra: Mapping[str, Any], key: str, n: int, name: str) -> Array:
-    values = np.asarray(extra.get(key, ()), float)
-    if values.shape != (n,) or not np.all(np.isfinite(values)) or np.any(values <= 0):
-        raise ArmError(f"{name}: {key} must be {n} positive numbers, is {extra.get(key)!r}")
-    return values
-
-
-def _pair(extra: Mapping[str, Any], key: str, name: str) -> tuple[float, float]:
-    linear, angular = _per_joint(extra, key, 2, name)
-    return float(linear), float(angular)
+    center = turns[joint].T @ model.frames[frame].placement.act(np.array(sphere.at))
+    return Sphere(sphere.name, joint - 1, center, sphere.radius)
 
 
 def _pose(position: Array, quaternion: Array) -> pin.SE3:

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rackhand.runtime.compiled import compiled
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik.arm import Arm, ArmError
 from rackhand.services.controller.ik.kernels import forward
 
-Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 # Columns of the table of rows: joint and centre of one sphere, of the other, the distance at contact, keep out or in

@@ -12,13 +12,11 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik.arm import Arm
 from rackhand.services.controller.ik.collision import add_derivative, place
 from rackhand.services.controller.ik.kernels import draw, forward, jacobian
-
-Array = NDArray[np.float64]
 
 
 class ObjectiveError(ValueError):

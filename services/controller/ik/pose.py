@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik import kernels as k
 from rackhand.services.controller.ik.arm import Arm
 from rackhand.services.controller.ik.servo import forward, limit_table
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import osqp
 import scipy.sparse as sparse
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rackhand.schemas.arrays import Array
 
 # Measured on recorded sequences of such QPs: rho has to adapt soon once limits bind, scaling costs and does not help
 # when the unknown is normalised, polishing prints to standard output even when told to be silent.

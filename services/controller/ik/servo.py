@@ -15,8 +15,8 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rackhand.schemas.arrays import Array
 from rackhand.schemas.crf import CrfCode
 from rackhand.services.controller.ik import kernels as k
 from rackhand.services.controller.ik.arm import Arm
@@ -24,8 +24,6 @@ from rackhand.services.controller.ik.collision import Zone, build_table, collisi
 from rackhand.services.controller.ik.objectives import Objectives
 from rackhand.services.controller.ik.rowqp import RowSolver
 from rackhand.services.controller.ik.twist_scaling import pace
-
-Array = NDArray[np.float64]
 
 
 class Solver(IntEnum):

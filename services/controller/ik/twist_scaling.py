@@ -19,9 +19,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rackhand.runtime.compiled import compiled
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik.kernels import (
     DAMPING,
     DT,
@@ -39,8 +39,6 @@ from rackhand.services.controller.ik.kernels import (
 CURVATURE = 0.5  # γ: share of a joint's acceleration that following the line may take
 TAKE_OVER = 0.1  # [rad/s] up to which other joints take over at once
 CREEP = 5e-3  # √w [m/s, rad/s]: an error of this speed costs as much as standing still
-
-Array = NDArray[np.float64]
 
 
 @compiled

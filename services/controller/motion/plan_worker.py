@@ -13,11 +13,14 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, wait
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 from rackhand.services.controller.trajectory.queue import MotionQueue
 from rackhand.services.controller.trajectory.stream import Motion
 
 Append = Callable[[MotionQueue, float], MotionQueue]
+
+T = TypeVar("T")
 
 MAX_JOBS = 64
 FIRST_LEAD = 0.1  # seconds a plan is given beside a motion under way, the first time
@@ -25,10 +28,10 @@ LEAD_PER_POINT = 0.03
 
 
 @dataclass
-class _Job:
+class _Job(Generic[T]):
     append: Append
     points: int
-    ticket: object
+    ticket: T
     begin: float = 0.0
     lead: float = 0.0
     from_rest: bool = False
@@ -37,21 +40,21 @@ class _Job:
 
 
 @dataclass(frozen=True)
-class Answered:
+class Answered(Generic[T]):
     """A job's plan is known: it will be driven, or ``error`` says why not. ``first``: its caller has no answer yet."""
 
-    ticket: object
+    ticket: T
     error: BaseException | None
     first: bool
 
 
-class PathPlanner:
+class PathPlanner(Generic[T]):
     """One job at a time, in order of arrival. Times are seconds of the arm's clock; ``period`` that of the ticks."""
 
     def __init__(self, executor: Executor, period: float) -> None:
         self._executor = executor
         self._period = period
-        self._jobs: deque[_Job] = deque()
+        self._jobs: deque[_Job[T]] = deque()
 
     @property
     def busy(self) -> bool:
@@ -61,10 +64,10 @@ class PathPlanner:
     def full(self) -> bool:
         return len(self._jobs) >= MAX_JOBS
 
-    def add(self, append: Append, points: int, ticket: object) -> None:
+    def add(self, append: Append, points: int, ticket: T) -> None:
         self._jobs.append(_Job(append, points, ticket))
 
-    def cancel(self) -> list[object]:
+    def cancel(self) -> list[T]:
         """Drops every job; the tickets of those without an answer."""
         dropped, self._jobs = self._jobs, deque()
         for job in dropped:
@@ -77,7 +80,7 @@ class PathPlanner:
         job = self._jobs[0] if self._jobs else None
         if job is None or job.future is not None:
             return
-        job.from_rest = not queue.legs
+        job.from_rest = not queue.motions
         if lockstep or job.from_rest:
             ticks = 1
         else:
@@ -91,13 +94,13 @@ class PathPlanner:
         if self._jobs and self._jobs[0].future is not None:
             wait([self._jobs[0].future], seconds)
 
-    def collect(self, t: float, tick: bool, lockstep: bool) -> tuple[list[Answered], MotionQueue | None]:
+    def collect(self, t: float, tick: bool, lockstep: bool) -> tuple[list[Answered[T]], MotionQueue | None]:
         """Answers that are known, and the queue to drive from ``t`` on if there is a new one.
 
         ``t`` is the time of this tick or, between two, of the last one. ``lockstep``: a plan that is due at this tick
         is waited for.
         """
-        answers: list[Answered] = []
+        answers: list[Answered[T]] = []
         job = self._jobs[0] if self._jobs else None
         if job is None or job.future is None:
             return answers, None
@@ -131,9 +134,9 @@ def _shifted(queue: MotionQueue, by: float) -> MotionQueue:
     """``queue``, which begins at rest, ``by`` seconds later."""
     if by <= 0:
         return queue
-    legs = tuple(
-        replace(leg, motion=leg.motion.shifted(by), begin=leg.begin + by)
-        for leg in queue.legs
-        if isinstance(leg.motion, Motion)
+    motions = tuple(
+        replace(queued, motion=queued.motion.shifted(by), begin=queued.begin + by)
+        for queued in queue.motions
+        if isinstance(queued.motion, Motion)
     )
-    return replace(queue, legs=legs)
+    return replace(queue, motions=motions)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rackhand.services.controller.trajectory.model import Array
+from rackhand.schemas.arrays import Array
 
 _TINY = 1e-12
 

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from rackhand.schemas.arrays import Array
 from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.crf_requests import CrfVector
 from rackhand.schemas.motion import ArmState, Expected, MotionStatus
 from rackhand.schemas.orientation import CrfVec6, Orientation, TaskPose
 from rackhand.services.controller.motion.kinematics import ArmKinematics
-from rackhand.services.controller.trajectory.model import Array
 
 _UNMEASURED = CrfCode.MethodNotAllowed
 

@@ -23,10 +23,6 @@ class Answer:
     message: Any
     extras: dict[str, Any] = field(default_factory=dict)
 
-    @property
-    def is_error(self) -> bool:
-        return self.name == "error"
-
 
 def reply(command: str, message: Any, text: str = "", **extras: Any) -> Answer:
     """``message`` may be a model; ``text`` says why something was refused."""
@@ -45,17 +41,17 @@ def refused(command: str, code: int, detail: int = 0, text: str = "") -> Answer:
     return reply(command, Expected[bool].failed(code, detail), text)
 
 
-def denied(command: str, verdict: Decision) -> Answer:
+def denied(command: str, decision: Decision) -> Answer:
     """What priority access refused."""
-    return refused(command, verdict.code, verdict.detail, verdict.text)
+    return refused(command, decision.code, decision.detail, decision.text)
 
 
-def lease_extras(verdict: Decision) -> dict[str, Any]:
+def lease_extras(decision: Decision) -> dict[str, Any]:
     """What a named client is told of its grant."""
-    if verdict.token is None:
+    if decision.token is None:
         return {}
-    token = verdict.token
-    return {"leaseId": token.lease, "epoch": token.epoch, "keepAlive": verdict.keep_alive_ns / SECOND}
+    token = decision.token
+    return {"leaseId": token.lease, "epoch": token.epoch, "keepAlive": decision.keep_alive_ns / SECOND}
 
 
 def event(name: str, info: Message) -> bytes:

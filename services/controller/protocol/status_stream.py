@@ -37,3 +37,33 @@ class StatusStream:
             return False
         self._last = content
         return True
+
+
+class StatusStreams:
+    """The streams of all sessions, at most one each."""
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._streams: dict[str, StatusStream] = {}
+
+    def __len__(self) -> int:
+        return len(self._streams)
+
+    def start(self, session: str, frequency: float, mode: int, now: int) -> bool:
+        """A second start of a session changes its stream. False if there are too many streams."""
+        active = self._streams.get(session)
+        if active is not None:
+            active.change(frequency, mode)
+        elif len(self._streams) >= self._limit:
+            return False
+        else:
+            self._streams[session] = StatusStream(frequency, mode, now)
+        return True
+
+    def stop(self, session: str) -> bool:
+        """False if the session has none."""
+        return self._streams.pop(session, None) is not None
+
+    def due(self, status: MotionStatus, now: int) -> list[str]:
+        """The sessions to send ``status`` to now; it counts as sent to them."""
+        return [session for session, stream in self._streams.items() if stream.due(status, now)]

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.trajectory.curve import JointCurve
 from rackhand.services.controller.trajectory.geometry import TaskPath, TaskState, rotation_log
-from rackhand.services.controller.trajectory.model import Array, JointLimits, Kinematics, PathRefused, Placement
+from rackhand.services.controller.trajectory.model import JointLimits, Kinematics, PathRefused, Placement
 
 
 @dataclass(frozen=True)

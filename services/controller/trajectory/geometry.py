@@ -20,9 +20,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from rackhand.schemas.arrays import Array
 from rackhand.schemas.orientation import quaternion
 from rackhand.services.controller.trajectory.curve import JointCurve
-from rackhand.services.controller.trajectory.model import Array, Placement, Pose
+from rackhand.services.controller.trajectory.model import Placement, TcpPose
 
 ANGLE_LENGTH = 0.3
 """Metres of path that a radian of pure rotation counts as: about what a wrist takes as long for."""
@@ -158,7 +159,7 @@ def joint_path(points: Array, tolerance: Tolerance, start: float = 0.0) -> Joint
 class TaskState:
     """A pose on a task path with its twist and the twist's derivative, (6,) each: linear, angular, base axes."""
 
-    pose: Pose
+    pose: TcpPose
     twist: Array
     accel: Array
 
@@ -171,11 +172,11 @@ class TaskPath:
     rotation per s in the TCP's axes.
     """
 
-    points: tuple[Pose, ...]
+    points: tuple[TcpPose, ...]
     legs: Legs
 
     def at(self, s: float) -> TaskState:
-        """Pose, and its first and second derivative by s."""
+        """The pose, and its first and second derivative by s."""
         i, a, b = self.legs.blend(s)
         into = self.legs.direction[max(i - 1, 0)]
         out = self.legs.direction[min(i, len(self.legs.direction) - 1)]
@@ -187,7 +188,7 @@ class TaskPath:
         omega = corner.rotation @ (a[1] * w1 + b[1] * w2)
         alpha = corner.rotation @ (a[2] * w1 + b[2] * w2 + a[1] * b[1] * np.cross(w1, w2))
         return TaskState(
-            Pose(position, corner.rotation @ first @ then),
+            TcpPose(position, corner.rotation @ first @ then),
             np.concatenate([a[1] * into[:3] + b[1] * out[:3], omega]),
             np.concatenate([a[2] * into[:3] + b[2] * out[:3], alpha]),
         )
@@ -211,7 +212,7 @@ class TaskPath:
 
 def task_path(points: Sequence[Placement], tolerance: Tolerance, start: float = 0.0) -> TaskPath:
     """Way-points as poses, without duplicates; s is metres, a radian counting as ``ANGLE_LENGTH`` metres."""
-    poses = tuple(Pose(np.asarray(p.translation, float), np.asarray(p.rotation, float)) for p in points)
+    poses = tuple(TcpPose(np.asarray(p.translation, float), np.asarray(p.rotation, float)) for p in points)
     steps = np.array([pose_step(a, b) for a, b in pairwise(poses)])
     lengths = step_length(steps)
     directions = steps / lengths[:, None]

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rackhand.schemas.arrays import Array
 
 
 class PathRefused(ValueError):
@@ -33,14 +32,14 @@ class Placement(Protocol):
 
 
 @dataclass(frozen=True)
-class Pose:
+class TcpPose:
     """Position (3,) in metres and rotation matrix (3, 3), TCP in the base frame."""
 
     translation: Array
     rotation: Array
 
-    def __matmul__(self, other: Placement) -> Pose:
-        return Pose(self.translation + self.rotation @ other.translation, self.rotation @ other.rotation)
+    def __matmul__(self, other: Placement) -> TcpPose:
+        return TcpPose(self.translation + self.rotation @ other.translation, self.rotation @ other.rotation)
 
 
 class Kinematics(Protocol):

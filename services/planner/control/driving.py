@@ -1,4 +1,4 @@
-"""What to command along a route: turn to it, follow it as fast as the way allows, stop where it ends."""
+"""What to command along a route: turn to it, follow it as fast as it allows, stop where it ends."""
 
 from __future__ import annotations
 
@@ -12,9 +12,14 @@ from rackhand.services.planner.geometry.se2 import Pose, wrap
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.settings import NavigationSettings
 
-ALIGNED = 0.04  # rad
+ALIGNED = 0.04  # rad from a heading, within which the chassis is turned to it
 SEGMENT_END = 0.02  # m
-KEEPING_TO_LINE = 0.1  # rad/s while driving, where turning is for standstill
+NEAR_END, BESIDE_END = 0.4, 0.004  # m: an end this near and this far ahead is passed
+CREEPING = 0.1  # m/s and rad/s, below which the chassis may turn on the spot
+WIDE_TURN = 0.3  # rad of a turn on the spot, above which the other direction of turning is considered
+MIN_FREE = 0.02  # m of free path beyond the distance to keep, below which the chassis stops
+MIN_BEARING_FACTOR = 0.15  # of the speed, however far the look-ahead point is to the side
+LINE_KEEPING_RATE = 0.1  # rad/s; steering while driving, where turns are for standstill
 
 
 def follow(
@@ -22,50 +27,55 @@ def follow(
     pose: Pose,
     twist: Twist2,
     free: float,
-    around: LocalCostmap,
+    costmap: LocalCostmap,
     footprint: Footprint,
     s: NavigationSettings,
     in_place: bool,
 ) -> Twist2:
-    """The twist wanted now. ``free``: metres of path ahead that are free. ``in_place``: turn at standstill only."""
+    """The twist to command. ``free``: metres of path ahead that are free. ``in_place``: turn at standstill only."""
     tracker = route.current
     if not tracker.aligned:
         error = wrap(tracker.segment.points[tracker.index][2] - pose[2])
         slack = ALIGNED if in_place or route.plan.tight else s.rotate_first_angle
-        if abs(error) > slack or (abs(twist.angular) > 0.1 and abs(error) > ALIGNED):
-            return turn(pose, error, around, footprint, s)
+        if abs(error) > slack or (abs(twist.angular) > CREEPING and abs(error) > ALIGNED):
+            return turn(pose, error, costmap, footprint, s)
         tracker.aligned = True
     kappa, bearing = curvature(tracker, pose, twist.linear, s, route.plan.tight)
-    if abs(bearing) > s.rotate_first_angle and abs(twist.linear) < 0.1:
-        return turn(pose, bearing, around, footprint, s)
+    if abs(bearing) > s.rotate_first_angle and abs(twist.linear) < CREEPING:
+        return turn(pose, bearing, costmap, footprint, s)
     limit = -s.control.max_backward_velocity if tracker.segment.backward else s.control.max_forward_velocity
-    limit = min(limit, around.speed_limit(pose))
-    speed = regulated_speed(kappa, around.near.clearance(footprint, pose), limit, s)
-    speed = min(speed, approach_speed(tracker.left(pose), s.approach_decel, s.actuation.lag))
-    if math.isfinite(free):
-        room = free - s.stop_before_obstacle
-        speed = min(speed, approach_speed(room, s.approach_decel, s.actuation.lag) if room > 0.02 else 0.0)
-    ahead = -1.0 if tracker.segment.backward else 1.0
-    # A body that looks elsewhere than it should go turns while it is slow.
-    speed *= max(0.15, math.cos(min(abs(bearing), math.pi / 2)))
+    limit = min(limit, costmap.speed_limit(pose))
+    speed = regulated_speed(kappa, costmap.near.clearance(footprint, pose), limit, s)
+    speed = min(speed, approach_speed(tracker.left(pose), s.approach_decel, s.actuation.lag), _speed_before(free, s))
+    # The more the look-ahead point is to the side, the slower: most of the turn comes first.
+    speed *= max(MIN_BEARING_FACTOR, math.cos(min(abs(bearing), math.pi / 2)))
     angular = speed * kappa
-    if in_place:  # what is left of turning is only to keep to the line
-        angular = min(max(angular, -KEEPING_TO_LINE), KEEPING_TO_LINE)
-    return Twist2(linear=ahead * speed, angular=angular)
+    if in_place:
+        angular = min(max(angular, -LINE_KEEPING_RATE), LINE_KEEPING_RATE)
+    return Twist2(linear=-speed if tracker.segment.backward else speed, angular=angular)
 
 
-def turn(pose: Pose, error: float, around: LocalCostmap, footprint: Footprint, s: NavigationSettings) -> Twist2:
-    """Turn on the spot by ``error``, the other way round if only that is free."""
-    if abs(error) > 0.3 and around.near.turn_clearance(footprint, pose, error) < 0.0:
+def _speed_before(free: float, s: NavigationSettings) -> float:
+    """The speed that keeps ``stop_before_obstacle`` when ``free`` metres of path are free; infinite for all of it."""
+    if not math.isfinite(free):
+        return math.inf
+    left = free - s.stop_before_obstacle
+    return approach_speed(left, s.approach_decel, s.actuation.lag) if left > MIN_FREE else 0.0
+
+
+def turn(pose: Pose, error: float, costmap: LocalCostmap, footprint: Footprint, s: NavigationSettings) -> Twist2:
+    """A turn on the spot by ``error``, in the other direction if only that is free."""
+    if abs(error) > WIDE_TURN and costmap.near.turn_clearance(footprint, pose, error) < 0.0:
         other = error - math.copysign(2.0 * math.pi, error)
-        if around.near.turn_clearance(footprint, pose, other) >= 0.0:
+        if costmap.near.turn_clearance(footprint, pose, other) >= 0.0:
             error = other
     return Twist2(linear=0.0, angular=turn_rate(error, s.control.max_angular_velocity))
 
 
 def has_ended(route: Route, pose: Pose, stop_within: float) -> bool:
-    """Whether the end of the current segment is reached as well as driving on can reach it."""
+    """Whether the end of the current segment is within ``stop_within`` metres (of the goal; ``SEGMENT_END`` of other
+    ends), or passed so closely that driving on brings the chassis no nearer."""
     tracker = route.current
     left = tracker.left(pose)
     within = stop_within if route.is_last else SEGMENT_END
-    return left <= within or (tracker.aligned and left < 0.4 and tracker.overrun(pose) >= -0.004)
+    return left <= within or (tracker.aligned and left < NEAR_END and tracker.overrun(pose) >= -BESIDE_END)

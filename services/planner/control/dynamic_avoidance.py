@@ -1,4 +1,4 @@
-"""Giving way: whether something that moves will come too near, and the twist that avoids it."""
+"""Dynamic avoidance: whether a dynamic obstacle will come too near, and the twist that avoids it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from rackhand.runtime.compiled import compiled
 from rackhand.schemas.base import NANOSECONDS, Twist2
-from rackhand.services.planner.control.mppi import Mppi
-from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.control.mppi import CostField, Mppi
+from rackhand.services.planner.geometry.footprint import Footprint, distance_to_body
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.field import Field
@@ -18,12 +18,12 @@ from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
 STEP = 0.2  # s
-HOLD = 0.4  # s that making way goes on after the last reason for it
-LEAST_SPEED = 0.5  # m/s at which a chassis that is about to go is taken to go
+HOLD = 0.4  # s that avoidance goes on after the last reason for it
+MIN_SPEED = 0.5  # m/s; a chassis slower than this on its path is taken to drive this fast
 
 
 class DynamicAvoidance:
-    """MPPI, while something that moves will come too near."""
+    """MPPI, while a dynamic obstacle is predicted to come too near."""
 
     def __init__(self, settings: NavigationSettings) -> None:
         self._settings = settings
@@ -31,16 +31,17 @@ class DynamicAvoidance:
         self._until = 0
 
     def begin(self) -> None:
-        """A move begins: nothing to make way for yet."""
+        """A move begins: nothing to avoid yet."""
         self._until = 0
 
-    def is_due(self, pose: Pose, path: Array, speed: float, movers: Array, footprint: Footprint, stamp: int) -> bool:
-        """Whether a mover comes too near if the chassis stands, or goes on along ``path``; holds on for a moment."""
-        if not len(movers):
+    def is_due(self, pose: Pose, path: Array, speed: float, obstacles: Array, footprint: Footprint, stamp: int) -> bool:
+        """Whether a dynamic obstacle comes too near if the chassis stops, or if it goes on along ``path`` (rows x, y,
+        yaw) at ``speed``; and for ``HOLD`` after. ``obstacles``: rows x, y, vx, vy, radius."""
+        if not len(obstacles):
             return False
         gap = min(
-            least_gap(pose, path, going, movers, footprint.edges, self._settings.yield_horizon)
-            for going in (0.0, max(speed, LEAST_SPEED))
+            least_gap(pose, path, float(going), obstacles, footprint.edges, float(self._settings.yield_horizon))
+            for going in (0.0, max(speed, MIN_SPEED))
         )
         if gap < self._settings.yield_distance:
             if stamp >= self._until:
@@ -49,20 +50,27 @@ class DynamicAvoidance:
         return stamp < self._until
 
     def command(
-        self, pose: Pose, measured: Twist2, last: Twist2, around: LocalCostmap, cost: Field, goal: Pose, body: Footprint
+        self,
+        pose: Pose,
+        measured: Twist2,
+        last: Twist2,
+        costmap: LocalCostmap,
+        cost: Field,
+        goal: Pose,
+        footprint: Footprint,
     ) -> Twist2:
-        """The twist wanted now; arguments as of ``Mppi.command``."""
+        """The twist to command; arguments as of ``Mppi.command``, ``cost`` over the cells of the map."""
         return self._mppi.command(
-            pose, measured, last, around.near, cost, around.static.geometry, goal, around.movers.rows(), body,
-            around.speed_limit(pose),
+            pose, measured, last, costmap.near, CostField(cost, costmap.static.geometry), goal, costmap.movers.rows(),
+            footprint, costmap.speed_limit(pose),
         )  # fmt: skip
 
 
 @compiled
-def least_gap(pose: Pose, path: Array, speed: float, movers: Array, body_edges: Array, horizon: float) -> float:
-    """The least distance in metres between the body and any mover within ``horizon`` seconds.
+def least_gap(pose: Pose, path: Array, speed: float, obstacles: Array, body_edges: Array, horizon: float) -> float:
+    """The least distance in metres between the body and any dynamic obstacle within ``horizon`` seconds.
 
-    The body goes along ``path`` (rows x, y, yaw) at ``speed``; movers (rows x, y, vx, vy, radius) go straight on.
+    The body goes along ``path`` (rows x, y, yaw) at ``speed``; obstacles (rows x, y, vx, vy, radius) go straight on.
     """
     least = 1e9
     index = 0
@@ -74,12 +82,7 @@ def least_gap(pose: Pose, path: Array, speed: float, movers: Array, body_edges: 
             travelled += math.hypot(path[index + 1, 0] - path[index, 0], path[index + 1, 1] - path[index, 1])
             index += 1
             here[:] = path[index]
-        c, s = math.cos(here[2]), math.sin(here[2])
-        for m in range(movers.shape[0]):
-            dx, dy = movers[m, 0] + movers[m, 2] * time - here[0], movers[m, 1] + movers[m, 3] * time - here[1]
-            bx, by = c * dx + s * dy, -s * dx + c * dy
-            gap = -1e9
-            for e in range(body_edges.shape[0]):
-                gap = max(gap, body_edges[e, 0] * bx + body_edges[e, 1] * by - body_edges[e, 2])
-            least = min(least, gap - movers[m, 4])
+        for m in range(obstacles.shape[0]):
+            x, y = obstacles[m, 0] + obstacles[m, 2] * time, obstacles[m, 1] + obstacles[m, 3] * time
+            least = min(least, distance_to_body(body_edges, here, x, y) - obstacles[m, 4])
     return least

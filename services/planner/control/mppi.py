@@ -1,40 +1,87 @@
-"""Model predictive path integral control: makes way for what moves on the way to the goal (Williams et al. 2017).
+"""Model predictive path integral control: avoids dynamic obstacles on the path to the goal (Williams et al. 2017).
 
 The rollout knows the limits on acceleration, the dead time and the lag of the drive; without them MPPI drives into
-things. Noise is drawn once from a fixed seed and used in turn, so the same inputs give the same commands.
+obstacles. Noise is drawn once from a fixed seed and used in turn, so the same inputs give the same commands.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.runtime.compiled import compiled
+from rackhand.runtime.compiled import compiled, inlined
 from rackhand.schemas.base import Twist2
-from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.geometry.se2 import Pose
-from rackhand.services.planner.map.grid import Geometry
+from rackhand.services.planner.control.mppi_costs import (
+    backward_cost,
+    collision_weight,
+    dynamic_cost,
+    effort_cost,
+    goal_cost,
+    heading_cost,
+    static_cost,
+)
+from rackhand.services.planner.control.speed_profile import ramp
+from rackhand.services.planner.geometry.cells import Geometry
+from rackhand.services.planner.geometry.footprint import Footprint, edge_distance
+from rackhand.services.planner.geometry.se2 import Pose, wrap
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
-from rackhand.services.planner.planning.field import Field
-from rackhand.services.planner.settings import NavigationSettings
+from rackhand.services.planner.planning.field import Field, cell_value
+from rackhand.services.planner.settings import Limits, MppiCosts, NavigationSettings
 
 Array = NDArray[np.float64]
 
 SEED = 20
 PERIOD = 0.04  # s between two commands
-COLOUR = 0.85  # correlation of the noise from step to step
 BODY_DISCS = 3
-BEARINGS = 24
-TURN_GAIN = 2.5  # 1/s
-HIT = 400.0  # cost of a step in collision, less the later it is
-NEAR_STATIC, STATIC_SCALE = 2.0, 0.08  # cost of a step that touches, falling by e each so many metres
-NEAR_MOVER, MOVER_SCALE = 6.0, 0.35
-MOVER_GROWTH = 0.04  # m/s by which a prediction gets wider
-BACKWARD = 0.3  # cost of a metre driven backward
-EFFORT = 0.02
-OFF_FIELD = 60.0  # cost to go where there is no field, on top of the distance
+# Samples 0 and 1 are the last solution and a stop, then come the primitives: POLICIES of them for each bearing.
+FIRST_PRIMITIVE, POLICIES, BEARINGS = 2, 4, 24
+BACKWARD_POLICY = 3  # drives backward all the time
+DRIVING_TIME = 1.2  # s that policy 0 drives; policy 1 twice as long, the others all the time
+TURN_GAIN = 2.5  # 1/s, of the primitives
+
+
+class CostField(NamedTuple):
+    """Cost to go of each cell (rows, columns) in metres, infinite or absent where there is no path."""
+
+    cost: Field
+    geometry: Geometry
+
+
+class Drive(NamedTuple):
+    """How the chassis follows commands. ``step`` and ``lag`` in seconds."""
+
+    step: float
+    lag: float
+    limits: Limits
+
+
+class MppiProblem(NamedTuple):
+    """What a rollout is driven and judged by.
+
+    ``near``: clearances around the chassis. ``obstacles``: rows x, y, vx, vy, radius of dynamic obstacles. ``edges``
+    and ``discs``: the body exactly, and as rows x, r of discs on its long axis.
+    """
+
+    drive: Drive
+    near: DistanceGrid
+    field: CostField
+    goal: Pose
+    obstacles: Array
+    edges: Array
+    discs: Array
+    costs: MppiCosts
+
+
+class BodyFrame(NamedTuple):
+    """Where the body is in the map: its origin in metres, cosine and sine of its yaw."""
+
+    x: float
+    y: float
+    cos: float
+    sin: float
 
 
 class Mppi:
@@ -43,10 +90,14 @@ class Mppi:
     def __init__(self, settings: NavigationSettings) -> None:
         m = settings.mppi
         self._settings = settings
+        # Whole numbers among the settings would make compiled code of their own.
+        self._costs = MppiCosts(*(float(cost) for cost in m.costs))
+        self._limits = Limits(*(float(limit) for limit in settings.control))
         random = np.random.default_rng(SEED)
         white = random.standard_normal((m.banks, m.samples, m.steps, 2))
         for t in range(1, m.steps):
-            white[:, :, t] = COLOUR * white[:, :, t - 1] + math.sqrt(1 - COLOUR**2) * white[:, :, t]
+            fresh = math.sqrt(1 - m.noise_correlation**2) * white[:, :, t]
+            white[:, :, t] = m.noise_correlation * white[:, :, t - 1] + fresh
         self._noise = white * (m.noise_linear, m.noise_angular)
         self.restart()
 
@@ -61,36 +112,24 @@ class Mppi:
         measured: Twist2,
         last: Twist2,
         near: DistanceGrid,
-        cost: Field,
-        geometry: Geometry,
+        field: CostField,
         goal: Pose,
-        movers: Array,
+        obstacles: Array,
         footprint: Footprint,
         speed_limit: float,
     ) -> Twist2:
-        """The twist wanted now. ``pose``: where the command takes hold. ``movers``: rows x, y, vx, vy, radius.
+        """The twist to command. ``pose``: where the command takes effect. ``last``: the command before.
 
-        ``cost``: cost to go over ``geometry``; ``goal``: x, y, yaw for the last metres.
+        ``goal``: x, y, yaw for the last metres. ``obstacles``: rows x, y, vx, vy, radius. ``speed_limit`` in m/s.
         """
-        m, s = self._settings.mppi, self._settings
+        m = self._settings.mppi
         noise = self._noise[self._turn % m.banks]
         self._turn += 1
-        c, g = s.control, near.geometry
-        limits = np.array(
-            [
-                c.max_backward_velocity,
-                min(c.max_forward_velocity, speed_limit),
-                c.max_angular_velocity,
-                c.max_forward_acc,
-                -c.max_forward_decel,
-                c.max_angular_acc,
-            ]
-        )
+        limits = self._limits._replace(max_forward_velocity=min(self._limits.max_forward_velocity, float(speed_limit)))
+        drive = Drive(float(m.step), float(self._settings.actuation.lag), limits)
+        problem = MppiProblem(drive, near, field, goal, obstacles, footprint.edges, body_discs(footprint), self._costs)
         start = np.array([*pose, measured.linear, measured.angular, last.linear, last.angular])
-        costs, commands = _rollouts(
-            self._plan, noise, start, m.step, s.actuation.lag, limits, near.distance, g.x, g.y, g.resolution, cost,
-            geometry.x, geometry.y, goal, movers, footprint.edges, body_discs(footprint),
-        )  # fmt: skip
+        costs, commands = rollouts(problem, self._plan, noise, start)
         weights = np.exp(-(costs - costs.min()) / m.temperature)
         weights /= weights.sum()
         solution = np.tensordot(weights, commands, axes=1)
@@ -111,73 +150,32 @@ def body_discs(footprint: Footprint) -> Array:
 
 
 @compiled
-def _towards(current: float, wanted: float, rise: float, fall: float) -> float:
-    if current * wanted < 0.0:
-        wanted = 0.0
-    step = rise if abs(wanted) > abs(current) else fall
-    return current + max(-step, min(step, wanted - current))
+def rollouts(problem: MppiProblem, plan: Array, noise: Array, start: Array) -> tuple[Array, Array]:
+    """Cost of each sample (k,), and the commands v, w it really consists of after the limits, (k, t, 2).
 
-
-@compiled
-def _cell(field: Field, x0: float, y0: float, resolution: float, x: float, y: float, outside: float) -> float:
-    i = math.floor((y - y0) / resolution)
-    j = math.floor((x - x0) / resolution)
-    if i < 0 or j < 0 or i >= field.shape[0] or j >= field.shape[1]:
-        return outside
-    return float(field[i, j])
-
-
-@compiled
-def _rollouts(
-    plan: Array,
-    noise: Array,
-    start: Array,
-    dt: float,
-    lag: float,
-    limits: Array,
-    distance: Field,
-    near_x: float,
-    near_y: float,
-    resolution: float,
-    cost: Field,
-    map_x: float,
-    map_y: float,
-    goal: Pose,
-    movers: Array,
-    body_edges: Array,
-    discs: Array,
-) -> tuple[Array, Array]:
-    """Cost of each sample, and the commands it really consists of after the limits, (k, t, 2).
-
-    Sample 0 is the last solution, 1 stops, the next turn to all bearings and go there for 1.2 s, for 2.4 s, all the
-    time, and all the time backward (noise about a standstill would not find these); the rest is the last solution with
-    noise.
+    ``start``: x, y, yaw, measured v, w, commanded v, w. Sample 0 is the last solution ``plan`` (t, 2), 1 stops, the
+    next are primitives (noise about a standstill would not find these); the rest is the last solution with noise
+    (k, t, 2).
     """
     samples, steps = noise.shape[0], noise.shape[1]
+    dt, limits = problem.drive.step, problem.drive.limits
+    follow = 1.0 - math.exp(-dt / problem.drive.lag)
+    near, obstacles, edges, discs = problem.near, problem.obstacles, problem.edges, problem.discs
     costs = np.zeros(samples)
     commands = np.empty((samples, steps, 2))
-    follow = 1.0 - math.exp(-dt / lag)
     for k in range(samples):
         x, y, yaw, v, w, cv, cw = start
         total = 0.0
         for t in range(steps):
-            wanted_v, wanted_w = plan[t, 0], plan[t, 1]
-            if k == 1:
+            if k == 0:
+                wanted_v, wanted_w = plan[t, 0], plan[t, 1]
+            elif k == 1:
                 wanted_v, wanted_w = 0.0, 0.0
-            elif 2 <= k < 2 + 4 * BEARINGS:
-                policy = (k - 2) // BEARINGS
-                away = (k * 2.0 * math.pi / BEARINGS - yaw + math.pi) % (2.0 * math.pi) - math.pi
-                wanted_w = TURN_GAIN * away
-                wanted_v = (limits[0] if policy == 3 else limits[1]) * max(math.cos(away), 0.0) ** 2
-                if (t + 1) * dt > (1.0 + policy) * 1.2 and policy < 2:
-                    wanted_v = 0.0
-            elif k > 0:
-                wanted_v += noise[k, t, 0]
-                wanted_w += noise[k, t, 1]
-            wanted_v = min(max(wanted_v, limits[0]), limits[1])
-            wanted_w = min(max(wanted_w, -limits[2]), limits[2])
-            cv = _towards(cv, wanted_v, limits[3] * dt, limits[4] * dt)
-            cw = cw + max(-limits[5] * dt, min(limits[5] * dt, wanted_w - cw))
+            elif k < FIRST_PRIMITIVE + POLICIES * BEARINGS:
+                wanted_v, wanted_w = primitive(k - FIRST_PRIMITIVE, (t + 1) * dt, yaw, limits)
+            else:
+                wanted_v, wanted_w = plan[t, 0] + noise[k, t, 0], plan[t, 1] + noise[k, t, 1]
+            cv, cw = limited(cv, cw, wanted_v, wanted_w, problem.drive)
             commands[k, t, 0] = cv
             commands[k, t, 1] = cw
             v += (cv - v) * follow
@@ -186,39 +184,67 @@ def _rollouts(
             x += v * math.cos(middle) * dt
             y += v * math.sin(middle) * dt
             yaw += w * dt
-            c, s = math.cos(yaw), math.sin(yaw)
-            later = 1.0 - 0.5 * t / steps
-            free = 1e9
-            for d in range(discs.shape[0]):
-                px, py = x + c * discs[d, 0], y + s * discs[d, 0]
-                free = min(free, _cell(distance, near_x, near_y, resolution, px, py, 0.0) - discs[d, 1])
-            free -= 0.5 * resolution
-            if free < 0.0:
-                total += HIT * later
-            elif free < 0.4:
-                total += NEAR_STATIC * dt * math.exp(-free / STATIC_SCALE)
-            time = (t + 1) * dt
-            for m in range(movers.shape[0]):
-                mx, my = movers[m, 0] + movers[m, 2] * time - x, movers[m, 1] + movers[m, 3] * time - y
-                if abs(mx) > 2.5 or abs(my) > 2.5:
-                    continue
-                bx, by = c * mx + s * my, -s * mx + c * my
-                away = -1e9
-                for e in range(body_edges.shape[0]):
-                    away = max(away, body_edges[e, 0] * bx + body_edges[e, 1] * by - body_edges[e, 2])
-                away -= movers[m, 4] + MOVER_GROWTH * time
-                if away < 0.0:
-                    total += HIT * later * (1.0 - away)
-                else:
-                    total += NEAR_MOVER * dt * math.exp(-away / MOVER_SCALE)
-            total += EFFORT * dt * (w * w + 0.2 * v * v)
-            if v < 0.0:
-                total -= BACKWARD * v * dt
-        ahead = math.hypot(goal[0] - x, goal[1] - y)
-        to_go = _cell(cost, map_x, map_y, resolution, x, y, np.inf)
-        total += to_go if math.isfinite(to_go) else OFF_FIELD + ahead
-        if ahead < 1.0:
-            turned = (goal[2] - yaw + math.pi) % (2.0 * math.pi) - math.pi
-            total += 0.3 * abs(turned) * (1.0 - ahead)
-        costs[k] = total
+            body = BodyFrame(x, y, math.cos(yaw), math.sin(yaw))
+            weight = collision_weight(t, steps, problem.costs)
+            total += static_cost(disc_clearance(near, discs, body), dt, weight, problem.costs)
+            for m in range(obstacles.shape[0]):
+                away = obstacle_clearance(obstacles, m, (t + 1) * dt, edges, body, problem.costs)
+                total += dynamic_cost(away, dt, weight, problem.costs)
+            total += effort_cost(v, w, dt, problem.costs) + backward_cost(v, dt, problem.costs)
+        costs[k] = total + terminal_cost(problem, x, y, yaw)
     return costs, commands
+
+
+@inlined
+def primitive(index: int, time: float, yaw: float, limits: Limits) -> tuple[float, float]:
+    """Speed and turning rate wanted by a primitive: turn to its bearing and drive there for 1.2 s, 2.4 s, or all the
+    time, or go there backward."""
+    policy, bearing = index // BEARINGS, (index + FIRST_PRIMITIVE) * 2.0 * math.pi / BEARINGS
+    error = wrap(bearing - yaw)
+    speed = limits.max_backward_velocity if policy == BACKWARD_POLICY else limits.max_forward_velocity
+    if policy < 2 and time > (1.0 + policy) * DRIVING_TIME:
+        speed = 0.0
+    return speed * max(math.cos(error), 0.0) ** 2, TURN_GAIN * error
+
+
+@inlined
+def limited(v: float, w: float, wanted_v: float, wanted_w: float, drive: Drive) -> tuple[float, float]:
+    """The command after ``v``, ``w`` a step later, within the limits on velocity and acceleration."""
+    limits, dt = drive.limits, drive.step
+    wanted_v = min(max(wanted_v, limits.max_backward_velocity), limits.max_forward_velocity)
+    wanted_w = min(max(wanted_w, -limits.max_angular_velocity), limits.max_angular_velocity)
+    turn = limits.max_angular_acc * dt
+    linear = ramp(v, wanted_v, limits.max_forward_acc * dt, -limits.max_forward_decel * dt)
+    return linear, w + max(-turn, min(turn, wanted_w - w))
+
+
+@inlined
+def disc_clearance(near: DistanceGrid, discs: Array, body: BodyFrame) -> float:
+    """Metres from the discs (rows x, r) of a body to the nearest blocked cell's edge, to a cell's accuracy; outside the
+    grid everything is blocked."""
+    free = 1e9
+    for d in range(discs.shape[0]):
+        px, py = body.x + body.cos * discs[d, 0], body.y + body.sin * discs[d, 0]
+        free = min(free, cell_value(near.distance, near.geometry, px, py, 0.0) - discs[d, 1])
+    return free - 0.5 * near.geometry.resolution
+
+
+@inlined
+def obstacle_clearance(obstacles: Array, m: int, time: float, edges: Array, body: BodyFrame, costs: MppiCosts) -> float:
+    """Metres from the body to where obstacle ``m`` (row x, y, vx, vy, radius) is after ``time`` seconds; infinite where
+    it is out of range."""
+    dx = obstacles[m, 0] + obstacles[m, 2] * time - body.x
+    dy = obstacles[m, 1] + obstacles[m, 3] * time - body.y
+    if abs(dx) > costs.dynamic_range or abs(dy) > costs.dynamic_range:
+        return np.inf
+    away = edge_distance(edges, body.cos * dx + body.sin * dy, -body.sin * dx + body.cos * dy)
+    return float(away - (obstacles[m, 4] + costs.dynamic_growth * time))
+
+
+@inlined
+def terminal_cost(problem: MppiProblem, x: float, y: float, yaw: float) -> float:
+    """Cost of where a rollout ends: what is left to the goal, and the heading near it."""
+    field, goal, costs = problem.field, problem.goal, problem.costs
+    away = math.hypot(goal[0] - x, goal[1] - y)
+    to_go = cell_value(field.cost, field.geometry, x, y, np.inf)
+    return goal_cost(to_go, away, costs) + heading_cost(wrap(goal[2] - yaw), away, costs)

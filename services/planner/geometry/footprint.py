@@ -1,15 +1,15 @@
-"""The body polygon, and whether it is free at a pose."""
+"""The body polygon of a chassis: discs that fill it, and the signed distance from it to a point."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.runtime.compiled import compiled
-from rackhand.services.planner.planning.field import Field, sample
+from rackhand.runtime.compiled import inlined
+from rackhand.services.planner.geometry.se2 import Pose
 
 SPACING = 0.04  # m between the discs along the outline
 RIM = 0.025  # m; their radius
@@ -17,13 +17,12 @@ LATTICE = 0.1  # m between the discs inside
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Footprint:
-    """A convex polygon about the chassis' origin.
+class Footprint(NamedTuple):
+    """A convex polygon about the chassis' origin, in metres. Compiled functions take it as it is.
 
-    ``samples``: rows px, py, r of discs that lie inside the polygon and together fill it (to 1 cm at the outline).
-    ``edges``: rows nx, ny, offset; the body is where nx·x + ny·y <= offset for all. ``inscribed`` and
-    ``circumscribed`` are radii about the origin.
+    ``polygon``: corners (n, 2), counter-clockwise. ``samples``: rows px, py, r of discs that lie inside the polygon and
+    together fill it (to 1 cm at the outline). ``edges``: rows nx, ny, offset; the body is where
+    nx·x + ny·y <= offset for all. ``inscribed`` and ``circumscribed`` are radii about the origin.
     """
 
     polygon: Array
@@ -35,7 +34,7 @@ class Footprint:
     @staticmethod
     def of(polygon: Array) -> Footprint:
         """Raises ``ValueError`` unless it is a convex polygon of three or more points around the origin."""
-        points = np.asarray(polygon, dtype=np.float64)
+        points = np.array(polygon, dtype=np.float64, order="C")  # a writable copy: compiled code exists for these only
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3 or not np.isfinite(points).all():
             raise ValueError(f"footprint of shape {points.shape}, want three or more finite points (n, 2)")
         following = np.roll(points, -1, axis=0)
@@ -50,8 +49,9 @@ class Footprint:
         if (points @ normals.T > edges[:, 2] + 1e-3).any() or (edges[:, 2] <= 0).any():
             raise ValueError("the footprint is not convex, or does not hold the chassis' origin")
         samples = np.vstack([_interior(edges, points), _outline(points, following)])
+        inscribed, circumscribed = edges[:, 2].min(), np.hypot(points[:, 0], points[:, 1]).max()
         return Footprint(
-            points, samples, edges, float(edges[:, 2].min()), float(np.hypot(points[:, 0], points[:, 1]).max())
+            points, np.ascontiguousarray(samples), np.ascontiguousarray(edges), float(inscribed), float(circumscribed)
         )
 
 
@@ -83,59 +83,21 @@ def _interior(edges: Array, points: Array) -> Array:
     return largest_first
 
 
-@compiled
-def clearance(
-    distance: Field,
-    x0: float,
-    y0: float,
-    resolution: float,
-    samples: Array,
-    circumscribed: float,
-    x: float,
-    y: float,
-    yaw: float,
-    enough: float,
-) -> float:
-    """Metres between the body and the nearest blocked cell's edge; negative when they overlap.
+@inlined
+def edge_distance(edges: Array, x: float, y: float) -> float:
+    """Signed distance in metres from the polygon to a point of the chassis frame: negative inside.
 
-    Stops looking when it is surely at least ``enough`` (returns at least that), or below 0 by a whole cell.
+    The largest distance to a side's line, which is a lower bound of the Euclidean distance beyond a corner.
     """
-    half = 0.5 * resolution
-    centre = sample(distance, x0, y0, resolution, x, y) - half
-    if centre - circumscribed >= enough:
-        return centre - circumscribed
-    c, s = math.cos(yaw), math.sin(yaw)
-    least = 1e9
-    for k in range(samples.shape[0]):
-        px, py = samples[k, 0], samples[k, 1]
-        free = sample(distance, x0, y0, resolution, x + c * px - s * py, y + s * px + c * py) - half - samples[k, 2]
-        if free < least:
-            least = free
-            if least < -resolution:
-                break
-    return least
+    largest = -1e9
+    for k in range(edges.shape[0]):
+        largest = max(largest, edges[k, 0] * x + edges[k, 1] * y - edges[k, 2])
+    return largest
 
 
-@compiled
-def sweep_clearance(
-    distance: Field,
-    x0: float,
-    y0: float,
-    resolution: float,
-    samples: Array,
-    circumscribed: float,
-    x: float,
-    y: float,
-    start: float,
-    turn: float,
-    enough: float,
-) -> float:
-    """The least clearance while turning on the spot from heading ``start`` by ``turn`` (signed)."""
-    n = math.ceil(abs(turn) / 0.08) + 1
-    least = 1e9
-    for k in range(n + 1):
-        free = clearance(distance, x0, y0, resolution, samples, circumscribed, x, y, start + turn * k / n, enough)
-        least = min(least, free)
-        if least < enough and least < 0.0:
-            break
-    return least
+@inlined
+def distance_to_body(edges: Array, pose: Pose, x: float, y: float) -> float:
+    """``edge_distance`` of a point of the map to the body at ``pose`` (map frame)."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    dx, dy = x - pose[0], y - pose[1]
+    return edge_distance(edges, c * dx + s * dy, -s * dx + c * dy)

@@ -15,6 +15,7 @@ from PIL import Image, UnidentifiedImageError
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapData
 from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.cells import Geometry as Geometry
 
 # Grey values as map servers write them: free 254, unknown 205, occupied 0.
 OCCUPIED_BELOW = 90
@@ -26,28 +27,6 @@ NO_GO, SLOW = 1, 2  # regionType
 
 Mask = NDArray[np.bool_]
 Points = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Geometry:
-    """Where the cells lie: lower-left corner and cell size in metres. Arrays are indexed [row = y, column = x]."""
-
-    x: float
-    y: float
-    resolution: float
-    rows: int
-    columns: int
-
-    def cell(self, x: float, y: float) -> tuple[int, int]:
-        """The row and column that hold a point; may lie outside."""
-        return int(np.floor((y - self.y) / self.resolution)), int(np.floor((x - self.x) / self.resolution))
-
-    def contains(self, x: float, y: float) -> bool:
-        row, column = self.cell(x, y)
-        return 0 <= row < self.rows and 0 <= column < self.columns
-
-    def centre(self, row: int, column: int) -> tuple[float, float]:
-        return self.x + (column + 0.5) * self.resolution, self.y + (row + 0.5) * self.resolution
 
 
 @dataclass(frozen=True)

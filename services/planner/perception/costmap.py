@@ -1,4 +1,4 @@
-"""What a metre costs around the chassis, as bytes: for those who look."""
+"""The local costmap as bytes, for the topic of that name."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from rackhand.services.planner.planning.distance_grid import DistanceGrid
 MAX_NON_LETHAL, TOO_CLOSE, BLOCKED = 252, 253, 254
 
 
-def cost_bytes(room: DistanceGrid, inscribed: float, comfort: float) -> NDArray[np.uint8]:
-    """(rows, columns) of ``rackhand.schemas.chassis.Costmap``: the share of ``field.crowding`` beyond 1, scaled to 252.
+def cost_bytes(grid: DistanceGrid, inscribed: float, inflation_radius: float) -> NDArray[np.uint8]:
+    """(rows, columns) of ``rackhand.schemas.chassis.Costmap``: ``inflation_cost`` beyond 1 as a share of its weight,
+    scaled to 252.
 
-    ``inscribed`` is the radius that fits the body anywhere, ``comfort`` the clearance beyond it that costs nothing.
+    ``inscribed``: radius of the circle that fits into the footprint; ``inflation_radius``: clearance beyond it that
+    costs nothing; both in metres.
     """
-    clearance = room.distance - 0.5 * room.geometry.resolution - inscribed
-    lack = np.clip((comfort - clearance) / comfort, 0.0, 1.0)
+    clearance = grid.distance - 0.5 * grid.geometry.resolution - inscribed
+    lack = np.clip((inflation_radius - clearance) / inflation_radius, 0.0, 1.0)
     cost: NDArray[np.uint8] = np.round(MAX_NON_LETHAL * lack * lack).astype(np.uint8)
     cost[clearance < 0.0] = TOO_CLOSE
-    cost[room.distance == 0.0] = BLOCKED
+    cost[grid.distance == 0.0] = BLOCKED
     return cost

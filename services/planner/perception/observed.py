@@ -1,14 +1,17 @@
-"""What the scan shows that the map does not: evidence in the cells of the map, added by hits, removed by rays."""
+"""Obstacles that the scan shows and the map does not: evidence in the map's cells, added by hits, removed by rays."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rackhand.runtime.compiled import compiled
 from rackhand.schemas.chassis import Scan
+from rackhand.services.planner.geometry.cells import Geometry
+from rackhand.services.planner.geometry.footprint import distance_to_body
 from rackhand.services.planner.geometry.se2 import Pose, compose
 from rackhand.services.planner.geometry.se2 import pose as as_pose
 from rackhand.services.planner.map.grid import Mask, StaticMap
@@ -18,138 +21,182 @@ from rackhand.services.planner.settings import NavigationSettings
 Array = NDArray[np.float64]
 
 HIT, MISS, FULL, OCCUPIED = 3, 2, 6, 3  # one hit occupies; two rays through it clear the firmest cell
-FRESH, LATELY = 8, 60  # scans since something came there, and since it was seen free before that
+FRESH, LATELY = 8, 60  # scans since the first hit of a cell, and since it was seen free before that
 SCAN_PERIOD = 0.08  # s; ages are counted in scans
+RAY_STEP = 0.7  # of a cell between the points of a ray that are looked at
+WHOLE = (slice(None), slice(None))
+
+Flags = NDArray[np.bool_]
+Counts = NDArray[np.int32]
+
+
+class Evidence(NamedTuple):
+    """What is known of each cell of the map, arrays (rows, columns).
+
+    ``mapped``: near an obstacle of the map, so that hits there are nothing new. ``level``: 0 to ``FULL``. The rest are
+    numbers of scans: that touched the cell last, at which it is forgotten, that hit it first, that saw it free last.
+    """
+
+    geometry: Geometry
+    mapped: Mask
+    level: NDArray[np.int8]
+    touched: Counts
+    expires: Counts
+    first_hit: Counts
+    seen_free: Counts
+
+    @staticmethod
+    def of(static: StaticMap, match_distance: float) -> Evidence:
+        shape = static.blocked.shape
+        mapped = distance_field(static.occupied, static.geometry.resolution) <= match_distance
+        counts = [np.zeros(shape, dtype=np.int32) for _ in range(4)]
+        return Evidence(static.geometry, mapped, np.zeros(shape, dtype=np.int8), *counts)
+
+
+class Beams(NamedTuple):
+    """One scan: ranges (n,) in metres, ``sensor`` pose in the map, angle of the first beam and between beams in
+    radians, ``max_range`` beyond which hits do not count. ``serial``: number of the scan."""
+
+    ranges: Array
+    sensor: Pose
+    angle_min: float
+    angle_step: float
+    max_range: float
+    serial: int
+
+
+class Hits(NamedTuple):
+    """Hits of a scan in the map frame (n, 2); whether each is missing on the map (n,), and whether it is where nothing
+    was seen a moment ago (n,)."""
+
+    points: Array
+    unmapped: Flags
+    fresh: Flags
 
 
 class ObservedObstacles:
     """Evidence grid over the map. A cell is an obstacle at the first hit and free again after one or two scans whose
-    rays pass through it; what is never looked at again is forgotten after a while, movers sooner."""
+    rays pass through it; what is never seen again is forgotten after a while, dynamic obstacles sooner."""
 
     def __init__(self, static: StaticMap, settings: NavigationSettings) -> None:
         self._static = static
         self._settings = settings
-        near = distance_field(static.occupied, static.geometry.resolution) <= settings.static_match_distance
-        self._mapped: Mask = near
-        self._evidence = np.zeros(static.blocked.shape, dtype=np.int8)
-        self._touched = np.zeros(static.blocked.shape, dtype=np.int32)
-        self._expires = np.zeros(static.blocked.shape, dtype=np.int32)
-        self._first_hit = np.zeros(static.blocked.shape, dtype=np.int32)
-        self._seen_free = np.zeros(static.blocked.shape, dtype=np.int32)
+        self._evidence = Evidence.of(static, settings.static_match_distance)
         self._scans = 0
-        self.points: Array = np.empty((0, 2))
-        self.unmapped: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
-        self.fresh: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
+        self._hits = Hits(np.empty((0, 2)), np.empty(0, dtype=np.bool_), np.empty(0, dtype=np.bool_))
+
+    @property
+    def points(self) -> Array:
+        """Hits of the newest scan in the map frame, (n, 2)."""
+        return self._hits.points
+
+    @property
+    def unmapped(self) -> Flags:
+        """Whether each hit is missing on the map, (n,)."""
+        return self._hits.unmapped
+
+    @property
+    def fresh(self) -> Flags:
+        """Whether each hit is where nothing was seen a moment ago, (n,)."""
+        return self._hits.fresh
 
     def integrate(self, scan: Scan, chassis: Pose, body_edges: Array) -> None:
         """Take one scan, seen with the chassis at that map pose. Hits inside the body are its own parts."""
         self._scans += 1
-        g = self._static.geometry
-        sensor = compose(chassis, as_pose(scan.sensor))
-        self.points, self.unmapped, self.fresh = _integrate(
-            self._evidence, self._touched, self._expires, self._first_hit, self._seen_free, self._mapped, g.x, g.y,
-            g.resolution, self._scans, self._scans + int(self._settings.forget_after / SCAN_PERIOD),
-            scan.ranges.astype(np.float64), sensor, scan.angle_min, scan.angle_step,
-            min(scan.range_max, self._settings.obstacle_range), chassis, body_edges,
+        beams = Beams(
+            scan.ranges.astype(np.float64), compose(chassis, as_pose(scan.sensor)), float(scan.angle_min),
+            float(scan.angle_step), float(min(scan.range_max, self._settings.obstacle_range)), self._scans,
         )  # fmt: skip
+        points = hit_points(beams, chassis, body_edges)
+        expiry = self._scans + int(self._settings.forget_after / SCAN_PERIOD)
+        unmapped, fresh = mark_hits(self._evidence, points, self._scans, expiry)
+        clear_rays(self._evidence, beams)
+        self._hits = Hits(points, unmapped, fresh)
 
     def is_seen_free(self, point: Array) -> bool:
         """Whether a ray of the newest scan passed through this place."""
         g = self._static.geometry
-        return g.contains(point[0], point[1]) and bool(self._seen_free[g.cell(point[0], point[1])] == self._scans)
+        return g.contains(point[0], point[1]) and bool(
+            self._evidence.seen_free[g.cell(point[0], point[1])] == self._scans
+        )
 
     def shorten(self, centre: Array, radius: float) -> None:
-        """What moves is there now but not for long: forget it soon when it gets out of sight."""
+        """A dynamic obstacle is there now but not for long: forget its cells soon after they are last seen."""
         g = self._static.geometry
         r0, c0 = g.cell(centre[0] - radius, centre[1] - radius)
         r1, c1 = g.cell(centre[0] + radius, centre[1] + radius)
         window = (slice(max(r0, 0), max(r1 + 1, 0)), slice(max(c0, 0), max(c1 + 1, 0)))
         soon = self._scans + int(self._settings.forget_mover_after / SCAN_PERIOD)
-        np.minimum(self._expires[window], soon, out=self._expires[window])
+        expires = self._evidence.expires[window]
+        np.minimum(expires, soon, out=expires)
 
-    def blocked(self, window: tuple[slice, slice] = (slice(None), slice(None))) -> Mask:
-        """Map and observation together, in a window of rows and columns."""
-        return self._static.blocked[window] | self.occupied(window)
-
-    def occupied(self, window: tuple[slice, slice] = (slice(None), slice(None))) -> Mask:
-        """What is observed and not on the map."""
-        return (self._evidence[window] >= OCCUPIED) & (self._expires[window] > self._scans)
+    def occupied(self, window: tuple[slice, slice] = WHOLE) -> Mask:
+        """Cells of the observed obstacles that are not on the map, in a window of rows and columns."""
+        return (self._evidence.level[window] >= OCCUPIED) & (self._evidence.expires[window] > self._scans)
 
 
 @compiled
-def _integrate(
-    evidence: NDArray[np.int8],
-    touched: NDArray[np.int32],
-    expires: NDArray[np.int32],
-    first_hit: NDArray[np.int32],
-    seen_free: NDArray[np.int32],
-    mapped: Mask,
-    x0: float,
-    y0: float,
-    resolution: float,
-    serial: int,
-    expiry: int,
-    ranges: Array,
-    sensor: Pose,
-    angle_min: float,
-    angle_step: float,
-    max_range: float,
-    chassis: Pose,
-    body_edges: Array,
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Marks hits first, then clears along rays what this scan did not hit. Returns the hits within range in the map
-    frame, whether each is missing on the map, and whether it lies where there was seen to be nothing a moment ago."""
-    rows, columns = evidence.shape
-    points = np.empty((ranges.size, 2), dtype=np.float64)
-    unmapped = np.zeros(ranges.size, dtype=np.bool_)
-    fresh = np.zeros(ranges.size, dtype=np.bool_)
+def hit_points(beams: Beams, chassis: Pose, body_edges: Array) -> Array:
+    """Hits within range in the map frame, (n, 2), without those inside the body at pose ``chassis``."""
+    points = np.empty((beams.ranges.size, 2), dtype=np.float64)
     n = 0
-    c, s = math.cos(chassis[2]), math.sin(chassis[2])
-    for k in range(ranges.size):
-        reach = ranges[k]
-        if not (reach > 0.0 and reach <= max_range):
+    for k in range(beams.ranges.size):
+        reach = beams.ranges[k]
+        if not (reach > 0.0 and reach <= beams.max_range):
             continue
-        angle = sensor[2] + angle_min + k * angle_step
-        x, y = sensor[0] + reach * math.cos(angle), sensor[1] + reach * math.sin(angle)
-        bx = c * (x - chassis[0]) + s * (y - chassis[1])
-        by = -s * (x - chassis[0]) + c * (y - chassis[1])
-        outside = False
-        for e in range(body_edges.shape[0]):
-            if body_edges[e, 0] * bx + body_edges[e, 1] * by > body_edges[e, 2]:
-                outside = True
-                break
-        if not outside:
+        angle = beams.sensor[2] + beams.angle_min + k * beams.angle_step
+        x, y = beams.sensor[0] + reach * math.cos(angle), beams.sensor[1] + reach * math.sin(angle)
+        if distance_to_body(body_edges, chassis, x, y) > 0.0:
+            points[n, 0], points[n, 1] = x, y
+            n += 1
+    return points[:n].copy()
+
+
+@compiled
+def mark_hits(evidence: Evidence, points: Array, serial: int, expiry: int) -> tuple[Flags, Flags]:
+    """Adds the hits (n, 2) of scan ``serial`` to the evidence, which is forgotten at scan ``expiry``; a cell counts
+    once a scan. Returns ``unmapped`` and ``fresh`` of ``Hits``."""
+    g = evidence.geometry
+    unmapped = np.zeros(len(points), dtype=np.bool_)
+    fresh = np.zeros(len(points), dtype=np.bool_)
+    for k in range(len(points)):
+        i = math.floor((points[k, 1] - g.y) / g.resolution)
+        j = math.floor((points[k, 0] - g.x) / g.resolution)
+        if not (0 <= i < g.rows and 0 <= j < g.columns):
             continue
-        points[n, 0], points[n, 1] = x, y
-        i, j = math.floor((y - y0) / resolution), math.floor((x - x0) / resolution)
-        if 0 <= i < rows and 0 <= j < columns:
-            if not mapped[i, j]:
-                unmapped[n] = True
-                expires[i, j] = expiry
-                if evidence[i, j] == 0:
-                    first_hit[i, j] = serial
-                fresh[n] = serial - first_hit[i, j] <= FRESH and 0 < seen_free[i, j] >= first_hit[i, j] - LATELY
-                if touched[i, j] != serial:
-                    evidence[i, j] = min(evidence[i, j] + HIT, FULL)
-            touched[i, j] = serial
-        n += 1
-    for k in range(ranges.size):
-        reach = ranges[k]
+        if not evidence.mapped[i, j]:
+            unmapped[k] = True
+            evidence.expires[i, j] = expiry
+            if evidence.level[i, j] == 0:
+                evidence.first_hit[i, j] = serial
+            first, free = evidence.first_hit[i, j], evidence.seen_free[i, j]
+            fresh[k] = serial - first <= FRESH and free > 0 and free >= first - LATELY
+            if evidence.touched[i, j] != serial:
+                evidence.level[i, j] = min(evidence.level[i, j] + HIT, FULL)
+        evidence.touched[i, j] = serial
+    return unmapped, fresh
+
+
+@compiled
+def clear_rays(evidence: Evidence, beams: Beams) -> None:
+    """Removes evidence along the rays of a scan, from cells that it did not hit."""
+    g, serial = evidence.geometry, beams.serial
+    for k in range(beams.ranges.size):
+        reach = beams.ranges[k]
         if reach <= 0.0:
             continue
-        length = max_range if not math.isfinite(reach) else min(reach - resolution, max_range)
-        angle = sensor[2] + angle_min + k * angle_step
+        length = beams.max_range if not math.isfinite(reach) else min(reach - g.resolution, beams.max_range)
+        angle = beams.sensor[2] + beams.angle_min + k * beams.angle_step
         dx, dy = math.cos(angle), math.sin(angle)
         travelled = 0.0
         while travelled < length:
-            i = math.floor((sensor[1] + travelled * dy - y0) / resolution)
-            j = math.floor((sensor[0] + travelled * dx - x0) / resolution)
-            if i < 0 or j < 0 or i >= rows or j >= columns:
+            i = math.floor((beams.sensor[1] + travelled * dy - g.y) / g.resolution)
+            j = math.floor((beams.sensor[0] + travelled * dx - g.x) / g.resolution)
+            if i < 0 or j < 0 or i >= g.rows or j >= g.columns:
                 break
-            if touched[i, j] != serial:
-                touched[i, j] = serial
-                seen_free[i, j] = serial
-                if evidence[i, j] > 0:
-                    evidence[i, j] = max(evidence[i, j] - MISS, 0)
-            travelled += 0.7 * resolution
-    return points[:n].copy(), unmapped[:n].copy(), fresh[:n].copy()
+            if evidence.touched[i, j] != serial:
+                evidence.touched[i, j] = serial
+                evidence.seen_free[i, j] = serial
+                if evidence.level[i, j] > 0:
+                    evidence.level[i, j] = max(evidence.level[i, j] - MISS, 0)
+            travelled += RAY_STEP * g.resolution

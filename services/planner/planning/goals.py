@@ -1,21 +1,20 @@
-"""What is wrong with a start or a goal before anything is planned (reasons 3-7)."""
+"""Checks of a start and a goal before anything is planned (move fail reasons 3 to 7)."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
 
-START_OVERLAP = 0.05  # m of the body in mapped things that noise of pose and map may explain
+START_OVERLAP = 0.05  # m by which the footprint may overlap mapped cells at the start: noise of pose and map
 
 
 @dataclass(frozen=True)
@@ -34,41 +33,52 @@ class Goal:
     rotate_in_place: bool = False
 
 
-def check_start(around: LocalCostmap, footprint: Footprint, start: Pose) -> None:
-    """Raises 3 outside the grid, 5 where the body stands in what is no ground."""
+def check_start(costmap: LocalCostmap, footprint: Footprint, start: Pose) -> None:
+    """Raises 3 outside the map, 5 where the footprint overlaps non-traversable cells."""
     where = f"the chassis is at ({start[0]:.2f}, {start[1]:.2f})"
-    g = around.static.geometry
+    g = costmap.static.geometry
     if not g.contains(start[0], start[1]):
-        raise MoveFailed(MoveFailReason.STARTING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(around)}")
-    free = around.mapped.clearance(footprint, start)
-    if around.static.blocked[g.cell(start[0], start[1])] or free < -START_OVERLAP:
-        raise MoveFailed(
-            MoveFailReason.STARTING_POINT_NOT_IN_GROUND, f"{where}, where its body overlaps no-ground by {-free:.2f} m"
-        )
+        raise MoveFailed(MoveFailReason.STARTING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(g)}")
+    overlap = -costmap.mapped.clearance(footprint, start)
+    if overlap > START_OVERLAP:
+        text = f"{where}, its footprint overlaps non-traversable cells by {_depth(overlap, g)}"
+        raise MoveFailed(MoveFailReason.STARTING_POINT_NOT_IN_GROUND, text)
+    if costmap.static.blocked[g.cell(start[0], start[1])]:
+        raise MoveFailed(MoveFailReason.STARTING_POINT_NOT_IN_GROUND, f"{where}, in a non-traversable cell")
 
 
-def check_goal(around: LocalCostmap, footprint: Footprint, target: Target, s: NavigationSettings) -> None:
-    """Raises 4 outside the grid, 6 where the body would stand in what is no ground."""
+def check_goal(costmap: LocalCostmap, footprint: Footprint, target: Target, s: NavigationSettings) -> None:
+    """Raises 4 outside the map, 6 where the footprint would overlap non-traversable cells.
+
+    Without a heading, the inscribed circle must be free.
+    """
     where = f"the goal is at ({target.x:.2f}, {target.y:.2f})"
-    g = around.static.geometry
+    g = costmap.static.geometry
     if not g.contains(target.x, target.y):
-        raise MoveFailed(MoveFailReason.ENDING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(around)}")
-    lack = footprint.inscribed - around.mapped.at(target.x, target.y)
+        raise MoveFailed(MoveFailReason.ENDING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(g)}")
+    overlap = footprint.inscribed - costmap.mapped.at(target.x, target.y)
     if target.yaw is not None:
-        lack = max(lack, -around.mapped.clearance(footprint, np.array([target.x, target.y, target.yaw])))
-    if around.static.blocked[g.cell(target.x, target.y)] or lack > -s.ground_margin:
-        raise MoveFailed(
-            MoveFailReason.ENDING_POINT_NOT_IN_GROUND, f"{where}, where the body lacks {lack:.2f} m of ground"
-        )
+        overlap = max(overlap, -costmap.mapped.clearance(footprint, target.pose))
+    if overlap > -s.ground_margin:
+        margin = f" (margin {s.ground_margin:.2f} m)" if s.ground_margin else ""
+        text = f"{where}, the goal footprint overlaps non-traversable cells by {_depth(overlap, g)}{margin}"
+        raise MoveFailed(MoveFailReason.ENDING_POINT_NOT_IN_GROUND, text)
+    if costmap.static.blocked[g.cell(target.x, target.y)]:
+        raise MoveFailed(MoveFailReason.ENDING_POINT_NOT_IN_GROUND, f"{where}, in a non-traversable cell")
 
 
 def is_there(start: Pose, goal: Goal, target: Target, s: NavigationSettings) -> bool:
-    """Whether the chassis is at the goal already: within its accuracy, and 2 degrees if it has a heading."""
+    """Whether the chassis is at the goal already: within its accuracy, and within ``equal_yaw`` of its heading if it
+    has one."""
     away = math.hypot(target.x - start[0], target.y - start[1])
     turned = goal.yaw is None or abs(wrap(goal.yaw - start[2])) <= s.equal_yaw
     return away <= goal.accuracy and turned
 
 
-def _extent(around: LocalCostmap) -> str:
-    g = around.static.geometry
+def _depth(overlap: float, g: Geometry) -> str:
+    """The depth of an overlap; the search for the deepest place ends at the first deeper than a cell."""
+    return f"{overlap:.2f} m" + (" or more" if overlap > g.resolution else "")
+
+
+def _extent(g: Geometry) -> str:
     return f"({g.x:.2f}, {g.y:.2f}) to ({g.x + g.columns * g.resolution:.2f}, {g.y + g.rows * g.resolution:.2f})"

@@ -1,170 +1,208 @@
-"""A* over position and heading with the real footprint, for where a point-like plan does not fit.
+"""A* over position and heading with the real footprint, for tight places where a path of the inscribed circle is not
+enough.
 
-Headings are multiples of 15 degrees, positions continuous in bins of 10 cm. Moves: straight, arc, both also
-backwards, and a turn on the spot. From states near the goal a turn, a straight line and a turn are tried as the rest.
+Headings are multiples of 15 degrees, positions continuous in bins of 10 cm. Moves: straight and arc, both forward and
+backward, and a turn on the spot. From states near the goal a turn, a straight line and a turn are tried as the rest
+(an analytic expansion as in Dolgov et al. 2010).
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.runtime.compiled import compiled
-from rackhand.services.planner.geometry.footprint import clearance, sweep_clearance
-from rackhand.services.planner.planning.field import Field, crowding, sample
+from rackhand.runtime.compiled import compiled, inlined
+from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.geometry.se2 import Pose, wrap
+from rackhand.services.planner.planning.distance_grid import DistanceGrid, clearance, turn_clearance
+from rackhand.services.planner.planning.field import Field, sample
 from rackhand.services.planner.planning.heap import pop, push
+from rackhand.services.planner.planning.inflation import Inflation, inflation_cost
 
 Array = NDArray[np.float64]
 
 HEADINGS = 24
 TURN = 2.0 * math.pi / HEADINGS
-BIN = 0.1
+BIN = 0.1  # m
 STEP = 0.12  # m of one straight move or arc
-BACKWARD = 3.0  # times as dear as forward
+BACKWARD = 3.0  # cost of a metre backward, in metres forward
 REVERSAL = 0.3  # cost of changing direction
 TURN_COST = 0.35  # per radian on the spot
+ARC_COST = 0.01  # of an arc beyond a straight move
 FIRST_STEPS = 6  # straight steps with the start's own heading, before turning to one of the lattice
 RELAXED_SLOPE = 0.15  # clearance asked for beyond that of start or goal, per metre from there
+# The rest is tried from every state nearer to the goal than REST_NEAR, from every REST_EVERY-th nearer than REST_FAR.
+REST_NEAR, REST_FAR, REST_EVERY = 0.5, 2.5, 8
+BACKWARD_REST = 0.5  # m; the longest rest driven backward
 
 FOUND, EXHAUSTED, CUT_SHORT, RUNNING = 0, 1, 2, 3
 
-
-@compiled
-def needed(x: float, y: float, start: Array, goal: Array, margins: Array) -> float:
-    """The clearance asked for at a point: the margin, but near start and goal little more than they have themselves."""
-    at_start = margins[1] + RELAXED_SLOPE * math.hypot(x - start[0], y - start[1])
-    at_goal = margins[2] + RELAXED_SLOPE * math.hypot(x - goal[0], y - goal[1])
-    return float(min(margins[0], at_start, at_goal))
+_MOVES = np.array(
+    [[1, 0], [1, 1], [1, -1], [0, 1], [0, -1], [-1, 0], [-1, 1], [-1, -1]], dtype=np.float64
+)  # direction of travel, change of heading
 
 
-@compiled
-def _wrap(angle: float) -> float:
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+class Margins(NamedTuple):
+    """Clearance of the footprint asked for, in metres: in general, at the start, at the goal."""
+
+    general: float
+    start: float
+    goal: float
 
 
-@compiled
-def rest_is_free(
-    distance: Field, x0: float, y0: float, resolution: float, samples: Array, circumscribed: float,
-    state: Array, start: Array, goal: Array, any_yaw: bool, margins: Array, direction: float,
-) -> bool:  # fmt: skip
-    """Whether turn, straight line (forward or backward) and turn lead freely from a state to the goal."""
-    dx, dy = goal[0] - state[0], goal[1] - state[1]
-    length = math.hypot(dx, dy)
-    bearing = math.atan2(dy, dx) if length > 1e-3 else state[2]
-    if direction < 0 and length > 1e-3:
-        bearing += math.pi
-    need = needed(state[0], state[1], start, goal, margins)
-    turn = _wrap(bearing - state[2])
-    free = sweep_clearance(
-        distance, x0, y0, resolution, samples, circumscribed, state[0], state[1], state[2], turn, need
-    )
-    if free < need:
-        return False
-    n = math.ceil(length / resolution) + 1
-    for k in range(n + 1):
-        x, y = state[0] + dx * k / n, state[1] + dy * k / n
-        need = needed(x, y, start, goal, margins)
-        if clearance(distance, x0, y0, resolution, samples, circumscribed, x, y, bearing, need) < need:
-            return False
-    if any_yaw:
-        return True
-    need = min(margins[0], margins[2])
-    turn = _wrap(goal[2] - bearing)
-    free = sweep_clearance(distance, x0, y0, resolution, samples, circumscribed, goal[0], goal[1], bearing, turn, need)
-    return bool(free >= need)
+class Ends(NamedTuple):
+    """Where a search begins and ends: poses (3,). ``any_yaw``: the heading at the goal does not matter."""
+
+    start: Pose
+    goal: Pose
+    any_yaw: bool
+    margins: Margins
+
+
+class Problem(NamedTuple):
+    """``cost``: cost to go of the inscribed circle, the heuristic. ``heuristic_weight``: its weight; above 1 the search
+    is faster and its path up to so many times as costly as the best."""
+
+    grid: DistanceGrid
+    cost: Field
+    footprint: Footprint
+    inflation: Inflation
+    ends: Ends
+    heuristic_weight: float
+
+
+class Memory(NamedTuple):
+    """What a search remembers of each state (bin and heading), and its heap. ``columns``: bins in a row.
+
+    ``travel``: direction of the move that led there, 1, -1, or 0 for a turn on the spot.
+    """
+
+    columns: int
+    spent: NDArray[np.float32]
+    parent: NDArray[np.int32]
+    closed: NDArray[np.bool_]
+    position: NDArray[np.float32]
+    travel: NDArray[np.int8]
+    keys: Array
+    items: NDArray[np.int64]
+
+    @staticmethod
+    def of(grid: DistanceGrid, max_expansions: int) -> Memory:
+        rows, columns = (math.ceil(n * grid.geometry.resolution / BIN) + 1 for n in grid.distance.shape)
+        states = rows * columns * HEADINGS
+        size = 7 * min(max_expansions, states) + 64
+        return Memory(
+            columns=columns,
+            spent=np.full(states, np.inf, dtype=np.float32),
+            parent=np.full(states, -1, dtype=np.int32),
+            closed=np.zeros(states, dtype=np.bool_),
+            position=np.empty((states, 2), dtype=np.float32),
+            travel=np.zeros(states, dtype=np.int8),
+            keys=np.empty(size, dtype=np.float64),
+            items=np.empty(size, dtype=np.int64),
+        )
 
 
 class Search:
-    """A search that is carried on in slices, so that no control tick waits for a long one.
+    """A search that can be carried on in slices."""
 
-    ``margins``: clearance asked for in general, at the start, at the goal. ``cost`` is the heuristic (cost to go of a
-    circle); ``greed`` its weight.
-    """
-
-    def __init__(
-        self, distance: Field, cost: Field, corner: tuple[float, float], resolution: float, samples: Array,
-        radii: tuple[float, float], start: Array, goal: Array, any_yaw: bool, margins: Array, comfort: float,
-        weight: float, greed: float, max_expansions: int,
-    ) -> None:  # fmt: skip
-        rows, columns = (math.ceil(n * resolution / BIN) + 1 for n in distance.shape)
-        states = rows * columns * HEADINGS
+    def __init__(self, problem: Problem, max_expansions: int) -> None:
+        self._problem = problem
         self._max_expansions = max_expansions
-        spent = np.full(states, np.inf, dtype=np.float32)
-        self._parent = np.full(states, -1, dtype=np.int32)
-        closed = np.zeros(states, dtype=np.bool_)
-        self._position = np.empty((states, 2), dtype=np.float32)
-        self._travel = np.zeros(states, dtype=np.int8)
-        keys = np.empty(7 * min(max_expansions, states) + 64, dtype=np.float64)
-        items = np.empty(keys.size, dtype=np.int64)
-        self._memory = (spent, self._parent, closed, self._position, self._travel, keys, items)
-        self._problem = (
-            distance, cost, *corner, resolution, samples, *radii, start, goal, any_yaw, margins, comfort, weight, greed,
-        )  # fmt: skip
-        self.expanded = 0
-        self._size = _begin(
-            distance, *corner, resolution, samples, radii[1], start, goal, margins, columns, spent, self._position,
-            self._travel, keys, items,
-        )  # fmt: skip
-        self._columns = columns
+        self._memory = Memory.of(problem.grid, max_expansions)
+        self._size = _begin(problem, self._memory)
         self._last, self._direction = -1, 1.0
+        self.expanded = 0
 
     def run(self, expansions: int) -> int:
         """Expand so many more states: RUNNING, FOUND, EXHAUSTED, or CUT_SHORT by ``max_expansions``."""
         until = min(self.expanded + expansions, self._max_expansions)
         outcome, self._size, self.expanded, self._last, self._direction = _expand(
-            *self._problem, self._columns, *self._memory, self._size, self.expanded, until
+            self._problem, self._memory, self._size, self.expanded, until
         )
         over = outcome == RUNNING and self.expanded >= self._max_expansions
         return CUT_SHORT if over else int(outcome)
 
-    def way(self) -> tuple[Array, float]:
+    def path(self) -> tuple[Array, float]:
         """What was found: rows x, y, yaw, direction of travel to there (1, -1, 0 for a turn on the spot), and the
-        direction of the rest that leads from the last row to the goal. The first row is where the way from the start,
-        straight with the start's heading, ends.
+        direction of the rest that leads from the last row to the goal.
+
+        The first row is where the straight line from the start, with the start's heading, ends.
         """
-        return _trace(self._parent, self._position, self._travel, self._last), self._direction
+        m = self._memory
+        return _trace(m.parent, m.position, m.travel, self._last), self._direction
+
+
+@inlined
+def needed(x: float, y: float, ends: Ends) -> float:
+    """The clearance asked for at a point: the margin, but near start and goal little more than they have themselves."""
+    margins, start, goal = ends.margins, ends.start, ends.goal
+    at_start = margins.start + RELAXED_SLOPE * math.hypot(x - start[0], y - start[1])
+    at_goal = margins.goal + RELAXED_SLOPE * math.hypot(x - goal[0], y - goal[1])
+    return float(min(margins.general, at_start, at_goal))
 
 
 @compiled
-def _begin(
-    distance: Field, x0: float, y0: float, resolution: float, samples: Array, circumscribed: float, start: Array,
-    goal: Array, margins: Array, columns: int, spent: NDArray[np.float32], position: NDArray[np.float32],
-    travel: NDArray[np.int8], keys: Array, items: NDArray[np.int64],
-) -> int:  # fmt: skip
+def rest_is_free(grid: DistanceGrid, footprint: Footprint, state: Pose, ends: Ends, direction: float) -> bool:
+    """Whether a turn, a straight line (forward or backward) and a turn lead freely from a state to the goal."""
+    goal = ends.goal
+    dx, dy = goal[0] - state[0], goal[1] - state[1]
+    length = math.hypot(dx, dy)
+    bearing = math.atan2(dy, dx) if length > 1e-3 else state[2]
+    if direction < 0 and length > 1e-3:
+        bearing += math.pi
+    need = needed(state[0], state[1], ends)
+    turn = wrap(bearing - state[2])
+    if turn_clearance(grid, footprint, state[0], state[1], state[2], turn, need) < need:
+        return False
+    n = math.ceil(length / grid.geometry.resolution) + 1
+    for k in range(n + 1):
+        x, y = state[0] + dx * k / n, state[1] + dy * k / n
+        need = needed(x, y, ends)
+        if clearance(grid, footprint, x, y, bearing, need) < need:
+            return False
+    if ends.any_yaw:
+        return True
+    need = min(ends.margins.general, ends.margins.goal)
+    turn = wrap(goal[2] - bearing)
+    return bool(turn_clearance(grid, footprint, goal[0], goal[1], bearing, turn, need) >= need)
+
+
+@compiled
+def _begin(problem: Problem, memory: Memory) -> int:
     """Puts the states that are reached straight from the start into the heap; returns its size."""
+    grid, footprint, ends, start = problem.grid, problem.footprint, problem.ends, problem.ends.start
     heading = round(start[2] / TURN) % HEADINGS
+    turn = wrap(heading * TURN - start[2])
     size = 0
-    for gear in (1.0, -1.0):
+    for direction in (1.0, -1.0):
         for n in range(FIRST_STEPS + 1):
-            x = start[0] + gear * n * STEP * math.cos(start[2])
-            y = start[1] + gear * n * STEP * math.sin(start[2])
-            need = needed(x, y, start, goal, margins)
-            if clearance(distance, x0, y0, resolution, samples, circumscribed, x, y, start[2], need) < need:
+            x = start[0] + direction * n * STEP * math.cos(start[2])
+            y = start[1] + direction * n * STEP * math.sin(start[2])
+            need = needed(x, y, ends)
+            if clearance(grid, footprint, x, y, start[2], need) < need:
                 break
-            turn = _wrap(heading * TURN - start[2])
-            free = sweep_clearance(distance, x0, y0, resolution, samples, circumscribed, x, y, start[2], turn, need)
-            first = _bin(x, y, x0, y0, columns) * HEADINGS + heading
-            price = n * STEP * (1.0 if gear > 0 else BACKWARD)
-            if free < need or price >= spent[first]:
+            free = turn_clearance(grid, footprint, x, y, start[2], turn, need)
+            first = _state(grid, memory.columns, x, y, heading)
+            price = n * STEP * (1.0 if direction > 0 else BACKWARD)
+            if free < need or price >= memory.spent[first]:
                 continue
-            spent[first] = price
-            position[first, 0], position[first, 1] = x, y
-            travel[first] = int(gear) if n > 0 else 0
-            size = push(keys, items, size, price, first)
+            memory.spent[first] = price
+            memory.position[first, 0], memory.position[first, 1] = x, y
+            memory.travel[first] = int(direction) if n > 0 else 0
+            size = push(memory.keys, memory.items, size, price, first)
     return size
 
 
 @compiled
-def _expand(
-    distance: Field, cost: Field, x0: float, y0: float, resolution: float, samples: Array, inscribed: float,
-    circumscribed: float, start: Array, goal: Array, any_yaw: bool, margins: Array, comfort: float, weight: float,
-    greed: float, columns: int, spent: NDArray[np.float32], parent: NDArray[np.int32], closed: NDArray[np.bool_],
-    position: NDArray[np.float32], travel: NDArray[np.int8], keys: Array, items: NDArray[np.int64], size: int,
-    expanded: int, until: int,
-) -> tuple[int, int, int, int, float]:  # fmt: skip
-    """A* from where the memory stands. Returns outcome, heap size, states expanded, the last state, its direction."""
+def _expand(problem: Problem, memory: Memory, size: int, expanded: int, until: int) -> tuple[int, int, int, int, float]:
+    """A* from the state of the memory. Returns outcome, heap size, states expanded, the last state, its direction."""
+    # Taken out of the tuples once: in a loop that costs reference counts.
+    grid, cost, footprint, inflation, ends = problem[:5]
+    columns, spent, parent, closed, position, travels, keys, items = memory
     state = np.empty(3)
     while size > 0:
         if expanded >= until:
@@ -176,71 +214,94 @@ def _expand(
         closed[index] = True
         expanded += 1
         heading = index % HEADINGS
-        state[0], state[1], state[2] = position[index, 0], position[index, 1], _wrap(heading * TURN)
-        ahead = math.hypot(goal[0] - state[0], goal[1] - state[1])
-        if ahead < 0.5 or (ahead < 2.5 and expanded % 8 == 0):
-            for direction in (1.0, -1.0):
-                if direction < 0 and ahead > 0.5:
-                    continue
-                if rest_is_free(
-                    distance, x0, y0, resolution, samples, circumscribed, state, start, goal, any_yaw, margins,
-                    direction,
-                ):  # fmt: skip
-                    return FOUND, size, expanded, index, direction
-        for move in range(8):
-            gear, turn = _MOVES[move, 0], _MOVES[move, 1]
-            new_heading = (heading + int(turn)) % HEADINGS
+        state[0], state[1] = position[index, 0], position[index, 1]
+        state[2] = wrap(heading * TURN)
+        direction = _direction_of_rest(grid, footprint, ends, state, expanded)
+        if direction != 0.0:
+            return FOUND, size, expanded, index, direction
+        for move in range(_MOVES.shape[0]):
+            travel, turn = _MOVES[move, 0], _MOVES[move, 1]
             middle = state[2] + 0.5 * turn * TURN
-            x = state[0] + gear * STEP * math.cos(middle)
-            y = state[1] + gear * STEP * math.sin(middle)
-            i, j = math.floor((y - y0) / resolution), math.floor((x - x0) / resolution)
-            if i < 0 or j < 0 or i >= distance.shape[0] or j >= distance.shape[1]:
-                continue
-            there = _bin(x, y, x0, y0, columns) * HEADINGS + new_heading
-            if closed[there]:
-                continue
-            to_go = cost[i, j]
+            x = state[0] + travel * STEP * math.cos(middle)
+            y = state[1] + travel * STEP * math.sin(middle)
+            to_go = _heuristic(grid, cost, ends, state, x, y)
             if not math.isfinite(to_go):
-                # The field keeps the general margin; near start and goal the lattice may use less.
-                if needed(x, y, start, goal, margins) >= margins[0]:
-                    continue
-                to_go = ahead
-            need = needed(x, y, start, goal, margins)
-            yaw = state[2] + turn * TURN
-            if clearance(distance, x0, y0, resolution, samples, circumscribed, x, y, yaw, need) < need:
                 continue
-            if clearance(
-                distance, x0, y0, resolution, samples, circumscribed, 0.5 * (x + state[0]), 0.5 * (y + state[1]),
-                middle, need,
-            ) < need:  # fmt: skip
+            there = _state(grid, columns, x, y, (heading + int(turn)) % HEADINGS)
+            if closed[there] or not _is_move_free(grid, footprint, ends, state, x, y, turn):
                 continue
-            if gear == 0.0:
-                price = TURN_COST * TURN
-            else:
-                room = sample(distance, x0, y0, resolution, x, y) - 0.5 * resolution - inscribed
-                price = STEP * crowding(room, comfort, weight) * (1.0 if gear > 0 else BACKWARD) + 0.01 * abs(turn)
-                if travel[index] * gear < 0:
-                    price += REVERSAL
-            total = spent[index] + price
+            total = spent[index] + _price(grid, inflation, x, y, travel, turn, travels[index])
             if total < spent[there] - 1e-6:
                 spent[there] = total
                 parent[there] = index
                 position[there, 0], position[there, 1] = x, y
-                travel[there] = int(gear)
+                travels[there] = int(travel)
                 if size >= keys.size:
                     return CUT_SHORT, size, expanded, -1, 1.0
-                size = push(keys, items, size, total + greed * to_go, there)
+                size = push(keys, items, size, total + problem.heuristic_weight * to_go, there)
     return EXHAUSTED, size, expanded, -1, 1.0
 
 
-_MOVES = np.array(
-    [[1, 0], [1, 1], [1, -1], [0, 1], [0, -1], [-1, 0], [-1, 1], [-1, -1]], dtype=np.float64
-)  # gear, change of heading
+@inlined
+def _direction_of_rest(grid: DistanceGrid, footprint: Footprint, ends: Ends, state: Pose, expanded: int) -> float:
+    """The direction (1, -1) in which the rest from here to the goal is free; 0 for none, or if it is not tried."""
+    goal = ends.goal
+    ahead = math.hypot(goal[0] - state[0], goal[1] - state[1])
+    if ahead >= REST_NEAR and (ahead >= REST_FAR or expanded % REST_EVERY != 0):
+        return 0.0
+    for direction in (1.0, -1.0):
+        if direction < 0 and ahead > BACKWARD_REST:
+            continue
+        if rest_is_free(grid, footprint, state, ends, direction):
+            return direction
+    return 0.0
 
 
-@compiled
-def _bin(x: float, y: float, x0: float, y0: float, columns: int) -> int:
-    return math.floor((y - y0) / BIN) * columns + math.floor((x - x0) / BIN)
+@inlined
+def _heuristic(grid: DistanceGrid, cost: Field, ends: Ends, state: Pose, x: float, y: float) -> float:
+    """Cost to go from a point; infinite outside the grid and where no path of the inscribed circle exists."""
+    geometry = grid.geometry
+    i = math.floor((y - geometry.y) / geometry.resolution)
+    j = math.floor((x - geometry.x) / geometry.resolution)
+    if i < 0 or j < 0 or i >= cost.shape[0] or j >= cost.shape[1]:
+        return np.inf
+    to_go = cost[i, j]
+    # The field keeps the general margin; near start and goal the lattice may use less.
+    if not math.isfinite(to_go) and needed(x, y, ends) < ends.margins.general:
+        return math.hypot(ends.goal[0] - state[0], ends.goal[1] - state[1])
+    return float(to_go)
+
+
+@inlined
+def _is_move_free(
+    grid: DistanceGrid, footprint: Footprint, ends: Ends, state: Pose, x: float, y: float, turn: float
+) -> bool:
+    """Whether the footprint has the clearance asked for at the end and in the middle of a move."""
+    need = needed(x, y, ends)
+    if clearance(grid, footprint, x, y, state[2] + turn * TURN, need) < need:
+        return False
+    middle = state[2] + 0.5 * turn * TURN
+    return bool(clearance(grid, footprint, 0.5 * (x + state[0]), 0.5 * (y + state[1]), middle, need) >= need)
+
+
+@inlined
+def _price(
+    grid: DistanceGrid, inflation: Inflation, x: float, y: float, travel: float, turn: float, travel_before: int
+) -> float:
+    """The cost of a move that ends at x, y."""
+    if travel == 0.0:
+        return TURN_COST * TURN
+    free = sample(grid.distance, grid.geometry, x, y) - 0.5 * grid.geometry.resolution - inflation.inscribed
+    price = STEP * inflation_cost(free, inflation) * (1.0 if travel > 0 else BACKWARD) + ARC_COST * abs(turn)
+    return price + (REVERSAL if travel_before * travel < 0 else 0.0)
+
+
+@inlined
+def _state(grid: DistanceGrid, columns: int, x: float, y: float, heading: int) -> int:
+    """The index of the state at a point with a heading of the lattice."""
+    geometry = grid.geometry
+    row, column = math.floor((y - geometry.y) / BIN), math.floor((x - geometry.x) / BIN)
+    return (row * columns + column) * HEADINGS + heading
 
 
 @compiled
@@ -259,7 +320,7 @@ def _trace(
     index = last
     for k in range(n - 1, -1, -1):
         path[k, 0], path[k, 1] = position[index, 0], position[index, 1]
-        path[k, 2] = _wrap((index % HEADINGS) * TURN)
+        path[k, 2] = wrap((index % HEADINGS) * TURN)
         path[k, 3] = travel[index]
         index = parent[index]
     return path

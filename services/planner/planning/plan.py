@@ -1,4 +1,4 @@
-"""The way from here to the goal for the real footprint on the map with what is observed on it."""
+"""The path from a start to a goal for the real footprint, on the map with the obstacles observed on it."""
 
 from __future__ import annotations
 
@@ -10,25 +10,31 @@ from typing import Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from rackhand.runtime.compiled import compiled
+from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
-from rackhand.services.planner.map.grid import Geometry, Mask
 from rackhand.services.planner.planning import lattice, shaping
-from rackhand.services.planner.planning.distance_grid import DistanceGrid
-from rackhand.services.planner.planning.field import Field, cost_to_go
+from rackhand.services.planner.planning.cost_to_go import cost_to_go
+from rackhand.services.planner.planning.distance_grid import DistanceGrid, clearance, turn_clearance
+from rackhand.services.planner.planning.field import Field, Mask
+from rackhand.services.planner.planning.inflation import Inflation
+from rackhand.services.planner.planning.lattice import Ends, Margins, needed
 from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
-SPACING = 0.05
-HARDLY_A_TURN = 0.1  # rad that a body on the way need not stop for
+SPACING = 0.05  # m between the points of a path
+SMALL_TURN = 0.1  # rad between two segments that are driven without stopping
 DIRECT = 0.6  # m; nearer goals are reached by a turn and a straight line if those are free
 SMOOTHING_ROUNDS = 60
-NEAREST_START = 0.3  # m from the start to look for a cell that has a way
+SMOOTHING_CLEARANCE = 0.1  # m beyond the circumscribed radius from which on smoothing need not push away
+NEAREST_START = 0.3  # m from the start to look for a cell that has a path
+RELAXED_END = 0.005  # m by which less than the clearance at start or goal is asked for there
 
 
 class NoPathFound(Exception):
-    """There is no way: the circle that fits into the body has none, the body itself has none, or none was found within
-    the budget of the search."""
+    """No path. ``disconnected``: none for the inscribed circle. ``footprint``: one for the circle, none for the
+    footprint. ``budget``: none found before ``max_expansions``."""
 
     def __init__(self, kind: Literal["disconnected", "footprint", "budget"], text: str) -> None:
         super().__init__(text)
@@ -38,29 +44,40 @@ class NoPathFound(Exception):
 
 @dataclass(frozen=True)
 class Target:
-    """A goal point; ``yaw`` None for any heading. ``rotate_in_place``: straight legs, headings changed at corners."""
+    """A goal in metres and radians; ``yaw`` None for any heading. ``rotate_in_place``: straight legs, turns on the spot
+    at the corners between them."""
 
     x: float
     y: float
     yaw: float | None
     rotate_in_place: bool = False
 
+    @property
+    def pose(self) -> Pose:
+        """(3,) array; the yaw is 0 where any heading will do."""
+        return np.array([self.x, self.y, self.yaw or 0.0])
+
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch driven in one direction: rows x, y, body yaw. Turn on the spot to the first row's yaw, then go."""
+    """A part of a path driven in one direction: rows x, y, body yaw. Turn on the spot to the first row's yaw, then
+    drive."""
 
     points: Array
     backward: bool = False
 
     @property
     def length(self) -> float:
+        """Metres."""
         return float(np.hypot(*np.diff(self.points[:, :2], axis=0).T).sum())
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Segments to the goal, and the cost to go of each cell (metres, weighted by crowding) they came from."""
+    """Segments to the goal, and the cost to go of each cell (metres, weighted by inflation) they came from.
+
+    ``tight``: found by the search with the footprint, so it is to be followed closely.
+    """
 
     segments: tuple[Segment, ...]
     cost: Field
@@ -68,6 +85,7 @@ class Plan:
 
     @property
     def length(self) -> float:
+        """Metres."""
         return sum(segment.length for segment in self.segments)
 
 
@@ -78,9 +96,12 @@ class GlobalPlanner:
     """Plans on one map for one footprint."""
 
     def __init__(self, geometry: Geometry, footprint: Footprint, settings: NavigationSettings) -> None:
-        self._g = geometry
+        self._geometry = geometry
         self._footprint = footprint
         self._settings = settings
+        self._inflation = Inflation(
+            footprint.inscribed, float(settings.inflation_radius), float(settings.clearance_weight)
+        )
 
     def plan(self, start: Pose, target: Target, blocked: Mask, tight: bool = False) -> Plan:
         """A whole search at once; raises ``NoPathFound``."""
@@ -92,148 +113,139 @@ class GlobalPlanner:
                 return cast(Plan, found.value)
 
     def search(self, start: Pose, target: Target, blocked: Mask, tight: bool = False) -> Search:
-        """Look for a way in slices: yields while it is not done, returns the plan, raises ``NoPathFound``.
+        """Search in slices: yields while it is not done, returns the plan, raises ``NoPathFound``.
 
-        ``tight``: do not trust the point-like plan, search with the footprint at once.
+        ``blocked``: cells (rows, columns) that no part of the footprint may touch. ``tight``: skip the path of the
+        inscribed circle, search with the footprint at once.
         """
-        room = DistanceGrid.of(blocked, self._g)
-        row, column = self._g.cell(target.x, target.y)
-        s = self._settings
-        cost, toward, expanded = cost_to_go(
-            room.distance, self._g.resolution, row, column, self._footprint.inscribed, s.inflation_radius,
-            s.clearance_weight, s.max_expansions,
-        )  # fmt: skip
-        if expanded >= s.max_expansions:
-            raise NoPathFound("budget", f"{expanded} cells expanded without reaching all")
-        direct = self._direct(room, cost, start, target)
+        grid = DistanceGrid.of(blocked, self._geometry)
+        row, column = self._geometry.cell(target.x, target.y)
+        budget = self._settings.max_expansions
+        cost, toward, expanded = cost_to_go(grid, row, column, self._inflation, budget)
+        if expanded >= budget:
+            raise NoPathFound("budget", f"search ended after {expanded} cells, the most that max_expansions allows")
+        ends = self._ends(grid, start, target)
+        direct = self._direct(grid, ends)
         if direct is not None:
-            return direct
+            return Plan((direct,), cost)
         first = self._start_cell(cost, start)
         if first < 0:
-            raise NoPathFound("disconnected", f"no way for a circle of {self._footprint.inscribed:.2f} m radius")
+            raise NoPathFound("disconnected", f"no path for the inscribed radius {self._footprint.inscribed:.2f} m")
         if not tight:
-            plan = self._point_like(room, cost, toward, first, start, target)
-            if plan is not None:
-                return plan
-        return (yield from self._with_footprint(room, cost, start, target))
+            segments = self._of_inscribed_circle(grid, toward, first, ends, target.rotate_in_place)
+            if self._fits(grid, segments, ends):
+                return Plan(segments, cost)
+        return (yield from self._of_footprint(grid, cost, ends))
 
-    def _margins(self, room: DistanceGrid, start: Pose, target: Target) -> Array:
-        """Clearance asked for in general, at the start, at the goal: less at the ends if they have less."""
-        general = self._settings.plan_margin
-        at_start = room.clearance(self._footprint, start) - 0.005
-        at_goal = 0.0
-        if target.yaw is not None:
-            at_goal = room.clearance(self._footprint, np.array([target.x, target.y, target.yaw])) - 0.005
-        return np.array([general, min(general, at_start), min(general, at_goal)])
+    def _ends(self, grid: DistanceGrid, start: Pose, target: Target) -> Ends:
+        """With less clearance asked for at start and goal if they have less."""
+        general, goal = float(self._settings.plan_margin), target.pose
+        at_start = grid.clearance(self._footprint, start) - RELAXED_END
+        at_goal = 0.0 if target.yaw is None else grid.clearance(self._footprint, goal) - RELAXED_END
+        margins = Margins(general, min(general, at_start), min(general, at_goal))
+        return Ends(np.array(start, dtype=np.float64), goal, target.yaw is None, margins)
 
     def _start_cell(self, cost: Field, start: Pose) -> int:
-        """The index of the cell nearest to the start that has a way; -1 for none nearby."""
-        row, column = self._g.cell(start[0], start[1])
-        reach = math.ceil(NEAREST_START / self._g.resolution)
+        """The index of the cell nearest to the start from which a path exists; -1 for none nearby."""
+        g = self._geometry
+        row, column = g.cell(start[0], start[1])
+        reach = math.ceil(NEAREST_START / g.resolution)
         best, best_distance = -1, NEAREST_START
-        for i in range(max(row - reach, 0), min(row + reach + 1, self._g.rows)):
-            for j in range(max(column - reach, 0), min(column + reach + 1, self._g.columns)):
-                x, y = self._g.centre(i, j)
+        for i in range(max(row - reach, 0), min(row + reach + 1, g.rows)):
+            for j in range(max(column - reach, 0), min(column + reach + 1, g.columns)):
+                x, y = g.centre(i, j)
                 away = math.hypot(x - start[0], y - start[1])
                 if np.isfinite(cost[i, j]) and away < best_distance:
-                    best, best_distance = i * self._g.columns + j, away
+                    best, best_distance = i * g.columns + j, away
         return best
 
-    def _direct(self, room: DistanceGrid, cost: Field, start: Pose, target: Target) -> Plan | None:
-        away = math.hypot(target.x - start[0], target.y - start[1])
-        if away > DIRECT:
+    def _direct(self, grid: DistanceGrid, ends: Ends) -> Segment | None:
+        """A straight line to a near goal, forward or backward; None where it is far or not free."""
+        start, goal = ends.start, ends.goal
+        dx, dy = goal[0] - start[0], goal[1] - start[1]
+        if math.hypot(dx, dy) > DIRECT:
             return None
-        bearing = math.atan2(target.y - start[1], target.x - start[0])
-        margins = self._margins(room, start, target)
-        ahead = abs(wrap(bearing - start[2])) <= math.pi / 2
+        ahead = abs(wrap(math.atan2(dy, dx) - start[2])) <= math.pi / 2
         for backward in (not ahead, ahead):
-            if self._rest_is_free(room, start, start, target, margins, backward):
-                segment = straight(start[0], start[1], target.x, target.y, start[2], backward)
-                return Plan((segment,), cost)
+            if lattice.rest_is_free(grid, self._footprint, start, ends, -1.0 if backward else 1.0):
+                return straight(start, goal, backward)
         return None
 
-    def _rest_is_free(
-        self, room: DistanceGrid, state: Pose, start: Pose, target: Target, margins: Array, backward: bool
-    ) -> bool:
-        g, f = self._g, self._footprint
-        goal = np.array([target.x, target.y, target.yaw or 0.0])
-        return bool(
-            lattice.rest_is_free(
-                room.distance, g.x, g.y, g.resolution, f.samples, f.circumscribed, state, start, goal,
-                target.yaw is None, margins, -1.0 if backward else 1.0,
-            )
-        )  # fmt: skip
-
-    def _point_like(
-        self, room: DistanceGrid, cost: Field, toward: NDArray[np.int32], first: int, start: Pose, target: Target
-    ) -> Plan | None:
-        """Steepest descent of the cost to go, pulled tight and smoothed; None where the body does not fit along it."""
-        g, s, radius = self._g, self._settings, self._footprint.inscribed
-        points = shaping.chain(toward, g.columns, first, g.x, g.y, g.resolution)
-        points = np.vstack([start[None, :2], points[1:-1], [(target.x, target.y)]])
-        corners = shaping.pull_tight(
-            room.distance, g.x, g.y, g.resolution, points, radius, s.inflation_radius, s.clearance_weight
-        )
-        if target.rotate_in_place:
+    def _of_inscribed_circle(
+        self, grid: DistanceGrid, toward: NDArray[np.int32], first: int, ends: Ends, straight_legs: bool
+    ) -> tuple[Segment, ...]:
+        """Steepest descent of the cost to go, pulled tight, and smoothed unless legs are to be straight."""
+        points = shaping.chain(toward, first, self._geometry)
+        points = np.vstack([ends.start[None, :2], points[1:-1], ends.goal[None, :2]])
+        corners = shaping.pull_tight(grid, self._inflation, points)
+        if straight_legs:
             legs = [shaping.resample(corners[k : k + 2], SPACING) for k in range(len(corners) - 1)]
         else:
-            dense = shaping.resample(corners, SPACING)
-            wanted = self._footprint.circumscribed + 0.1 + 0.5 * g.resolution
-            dense = shaping.smooth(room.distance, g.x, g.y, g.resolution, dense, wanted, SMOOTHING_ROUNDS)
+            wanted = self._footprint.circumscribed + SMOOTHING_CLEARANCE + 0.5 * self._geometry.resolution
+            dense = shaping.smooth(grid, shaping.resample(corners, SPACING), wanted, SMOOTHING_ROUNDS)
             legs = [shaping.resample(dense, SPACING)]
-        segments = tuple(Segment(shaping.headings(leg)) for leg in legs)
-        fits = self._fits(room, segments, start, target)
-        return Plan(segments, cost) if fits else None
+        return tuple(Segment(shaping.headings(leg)) for leg in legs)
 
-    def _fits(self, room: DistanceGrid, segments: tuple[Segment, ...], start: Pose, target: Target) -> bool:
-        """Whether the body is free along the segments, the turns between them, and the last turn."""
-        margins = self._margins(room, start, target)
-        goal = np.array([target.x, target.y, target.yaw or 0.0])
-        yaw = float(start[2])
-        for segment in segments:
-            for x, y, heading in segment.points:
-                need = lattice.needed(x, y, start, goal, margins)
-                if not self._turns_freely(room, x, y, yaw, heading, need):
-                    return False
-                yaw = heading
-        if target.yaw is None:
-            return True
-        return self._turns_freely(room, target.x, target.y, yaw, target.yaw, min(margins[0], margins[2]))
+    def _fits(self, grid: DistanceGrid, segments: tuple[Segment, ...], ends: Ends) -> bool:
+        """Whether the footprint is free along the segments, in the turns between them, and in the last turn."""
+        points = np.vstack([segment.points for segment in segments])
+        return bool(path_is_free(grid, self._footprint, points, ends))
 
-    def _turns_freely(self, room: DistanceGrid, x: float, y: float, start: float, end: float, need: float) -> bool:
-        turn = wrap(end - start)
-        if abs(turn) < 0.1:
-            return room.clearance(self._footprint, np.array([x, y, end]), need) >= need
-        turns = (turn, turn - math.copysign(2 * math.pi, turn))
-        here = np.array([x, y, start])
-        return any(room.turn_clearance(self._footprint, here, t, need) >= need for t in turns)
-
-    def _with_footprint(self, room: DistanceGrid, cost: Field, start: Pose, target: Target) -> Search:
-        g, f, s = self._g, self._footprint, self._settings
-        goal = np.array([target.x, target.y, target.yaw or 0.0])
-        search = lattice.Search(
-            room.distance, cost, (g.x, g.y), g.resolution, f.samples, (f.inscribed, f.circumscribed), start, goal,
-            target.yaw is None, self._margins(room, start, target), s.inflation_radius, s.clearance_weight,
-            s.heuristic_weight, s.max_expansions,
-        )  # fmt: skip
+    def _of_footprint(self, grid: DistanceGrid, cost: Field, ends: Ends) -> Search:
+        s, radius = self._settings, self._footprint.inscribed
+        problem = lattice.Problem(grid, cost, self._footprint, self._inflation, ends, float(s.heuristic_weight))
+        search = lattice.Search(problem, s.max_expansions)
         while (outcome := search.run(s.expansions_per_tick)) == lattice.RUNNING:
             yield
         if outcome == lattice.CUT_SHORT:
-            raise NoPathFound("budget", f"{search.expanded} states expanded without a way")
+            raise NoPathFound(
+                "budget", f"search with the footprint ended after {search.expanded} states without a path"
+            )
         if outcome == lattice.EXHAUSTED:
-            raise NoPathFound("footprint", f"a circle of {f.inscribed:.2f} m radius has a way, the body has none")
-        rows, direction = search.way()
-        last = rows[-1]
+            text = f"a path exists for the inscribed radius {radius:.2f} m, none for the footprint"
+            raise NoPathFound("footprint", text)
+        rows, direction = search.path()
+        start, last = ends.start, rows[-1, :3]
         first = Segment(_line(start[:2], rows[0, :2], start[2]), bool(rows[0, 3] < 0))
-        rest = straight(last[0], last[1], target.x, target.y, last[2], direction < 0)
+        rest = straight(last, ends.goal, direction < 0)
         return Plan(_joined([first, *_segments(rows), rest]), cost, tight=True)
 
 
-def straight(x0: float, y0: float, x1: float, y1: float, yaw: float, backward: bool) -> Segment:
-    """A straight stretch; ``yaw`` is kept if it has no length."""
-    if math.hypot(x1 - x0, y1 - y0) > 1e-3:
-        yaw = math.atan2(y1 - y0, x1 - x0) + (math.pi if backward else 0.0)
-    return Segment(_line(np.array([x0, y0]), np.array([x1, y1]), wrap(yaw)), backward)
+@compiled
+def path_is_free(grid: DistanceGrid, footprint: Footprint, points: Array, ends: Ends) -> bool:
+    """Whether the footprint has the clearance asked for along rows x, y, yaw, with turns on the spot from the start's
+    heading to the first row's, between rows, and to the goal's heading."""
+    yaw = ends.start[2]
+    for k in range(len(points)):
+        x, y, heading = points[k]
+        if not _turns_freely(grid, footprint, points[k], yaw, needed(x, y, ends)):
+            return False
+        yaw = heading
+    if ends.any_yaw:
+        return True
+    return _turns_freely(grid, footprint, ends.goal, yaw, min(ends.margins.general, ends.margins.goal))
+
+
+@compiled
+def _turns_freely(grid: DistanceGrid, footprint: Footprint, pose: Pose, before: float, need: float) -> bool:
+    """Whether a turn on the spot from the heading ``before`` to that of ``pose`` is free, one way round or the
+    other."""
+    x, y, yaw = pose
+    turn = wrap(yaw - before)
+    if abs(turn) < SMALL_TURN:
+        return bool(clearance(grid, footprint, x, y, yaw, need) >= need)
+    if turn_clearance(grid, footprint, x, y, before, turn, need) >= need:
+        return True
+    other = turn - math.copysign(2.0 * math.pi, turn)
+    return bool(turn_clearance(grid, footprint, x, y, before, other, need) >= need)
+
+
+def straight(start: Pose, end: Pose, backward: bool) -> Segment:
+    """A straight segment between two points; the yaw of ``start`` is kept if it has no length."""
+    yaw, dx, dy = float(start[2]), end[0] - start[0], end[1] - start[1]
+    if math.hypot(dx, dy) > 1e-3:
+        yaw = math.atan2(dy, dx) + (math.pi if backward else 0.0)
+    return Segment(_line(start[:2], end[:2], wrap(yaw)), backward)
 
 
 def _line(start: Array, end: Array, yaw: float) -> Array:
@@ -242,7 +254,7 @@ def _line(start: Array, end: Array, yaw: float) -> Array:
 
 
 def _joined(segments: list[Segment]) -> tuple[Segment, ...]:
-    """Without those that have no length, and with those in one that go on in the same direction with hardly a turn."""
+    """Without those that have no length; those that continue in the same direction with a small turn are one."""
     joined: list[Segment] = []
     for segment in segments[:-1]:
         if segment.length > 0.0:
@@ -253,18 +265,18 @@ def _joined(segments: list[Segment]) -> tuple[Segment, ...]:
 
 def _join(joined: list[Segment], segment: Segment) -> None:
     last = joined[-1] if joined else None
-    if last is not None and last.backward == segment.backward and _hardly_turns(last, segment):
+    if last is not None and last.backward == segment.backward and _continues(last, segment):
         joined[-1] = Segment(np.vstack([last.points, segment.points[1:]]), segment.backward)
     else:
         joined.append(segment)
 
 
-def _hardly_turns(last: Segment, following: Segment) -> bool:
-    return abs(wrap(following.points[0, 2] - last.points[-1, 2])) <= HARDLY_A_TURN
+def _continues(last: Segment, following: Segment) -> bool:
+    return abs(wrap(following.points[0, 2] - last.points[-1, 2])) <= SMALL_TURN
 
 
 def _segments(rows: Array) -> list[Segment]:
-    """Lattice rows x, y, yaw, direction as stretches driven in one direction; turns on the spot fall between them."""
+    """Lattice rows x, y, yaw, direction as segments of one direction each; turns on the spot fall between them."""
     found: list[Segment] = []
     k = 1
     while k < len(rows):

@@ -13,7 +13,7 @@ from rackhand.services.sim.actors.walkers import Walker
 from rackhand.services.sim.errors import unknown
 from rackhand.services.sim.mjcf.layers import PARKED_GROUP, VISIBLE_GROUP
 from rackhand.services.sim.mjcf.scene import PARKED_Z, SLOTS, slot_name, yaw_quaternion
-from rackhand.services.sim.world.worldfile import PoseTuple
+from rackhand.worlds.data import PoseTuple
 
 PERSON_SIZE = (0.25, 1.75)
 _PARTS = {"box": "l, w, h", "cylinder": "radius, height", "person": "radius, height"}

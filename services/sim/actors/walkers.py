@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rackhand.services.sim.mjcf.geometry import wrap
-from rackhand.services.sim.world.worldfile import Point, PoseTuple
+from rackhand.worlds.data import Point, PoseTuple
 
 # A walker stands still while a robot's body is nearer than this in front of it, as people do. It looks ahead, not
 # behind: a robot that drives into someone's back still hits them.

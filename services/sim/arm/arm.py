@@ -10,7 +10,6 @@ import numpy as np
 
 from rackhand.schemas.fencing import FencingGuard
 from rackhand.schemas.motion import ArmCommand, ArmState, Gripper
-from rackhand.services.sim.arm.kinds import ArmKind
 from rackhand.services.sim.arm.servo import (
     HOLD,
     POSITION,
@@ -25,8 +24,9 @@ from rackhand.services.sim.arm.servo import (
     plan,
 )
 from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
-from rackhand.services.sim.errors import WorldFileError
 from rackhand.services.sim.mjcf.arm_model import CUP, FORCE, SEALS, SUCTION, SUCTION_FORCE, TOOL, TORQUE
+from rackhand.worlds.arm_model import ArmDescription
+from rackhand.worlds.data import WorldFileError
 
 # Commands come each 2 … 20 ms (s); before the second one has come, the interval is taken to be this.
 SHORTEST, LONGEST, FIRST_INTERVAL = 0.002, 0.02, 0.004
@@ -59,7 +59,7 @@ class Arm:
     the torque limits hold for the sum.
     """
 
-    def __init__(self, name: str, kind: ArmKind, home: tuple[float, ...], model: Any, data: Any) -> None:
+    def __init__(self, name: str, kind: ArmDescription, home: tuple[float, ...], model: Any, data: Any) -> None:
         self.name, self.kind = name, kind
         self._model, self._data = model, data
         self._find_addresses()
@@ -140,10 +140,12 @@ class Arm:
             return "values that are not finite"
         return ""
 
-    def command(self, command: ArmCommand) -> bool:
-        """Take a command. False if it is malformed, or of a grant that a newer one replaced."""
-        if self.fault_of(command) or not self._fence.admit(command.token, command.answers):
-            return False
+    def admit(self, command: ArmCommand) -> bool:
+        """False if the command is malformed, or of a grant that a newer one replaced."""
+        return not self.fault_of(command) and self._fence.admit(command.token, command.answers)
+
+    def command(self, command: ArmCommand) -> None:
+        """Let an admitted command take effect."""
         self._suction = command.suction
         values, before = np.array(command.values), self._order
         if command.mode == "position":
@@ -158,7 +160,6 @@ class Arm:
             streams = (np.abs(gained) <= STREAM_SLACK * most) & (np.abs(slope) <= 1.001 * self.limits.velocity)
             velocity = np.where(streams, slope + np.clip(gained, -most, most) / 2, 0.0)
         self._order = Order(command.mode, values, command.answers, velocity, slope, interval)
-        return True
 
     def silence(self) -> None:
         """Nobody commands it any more: it brakes at once. What its gripper holds it goes on holding."""

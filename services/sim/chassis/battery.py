@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rackhand.schemas.chassis import Battery
-from rackhand.services.sim.chassis.profiles import BatteryKind
+from rackhand.worlds.chassis_model import BatteryKind
 
 SECONDS_PER_HOUR = 3600.0
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rackhand.schemas.base import Twist2
 from rackhand.schemas.chassis import ChassisCommand
-from rackhand.services.sim.chassis.profiles import Drive
+from rackhand.worlds.chassis_model import WheelDrive
 
 # Older commands stop the wheels (design: a driver that stops hearing commands stops the machine).
 COMMAND_LIFE_NS = 100_000_000
@@ -26,18 +26,18 @@ class WheelTargets:
     right: float
 
 
-def targets_of(twist: Twist2, drive: Drive) -> WheelTargets:
+def targets_of(twist: Twist2, drive: WheelDrive) -> WheelTargets:
     half = drive.wheel_separation / 2
     return WheelTargets(twist.linear - half * twist.angular, twist.linear + half * twist.angular)
 
 
-def twist_of(targets: WheelTargets, drive: Drive) -> Twist2:
+def twist_of(targets: WheelTargets, drive: WheelDrive) -> Twist2:
     return Twist2(
         linear=(targets.left + targets.right) / 2, angular=(targets.right - targets.left) / drive.wheel_separation
     )
 
 
-def follow(now: WheelTargets, wanted: Twist2, drive: Drive, dt: float) -> WheelTargets:
+def follow(now: WheelTargets, wanted: Twist2, drive: WheelDrive, dt: float) -> WheelTargets:
     """Wheel targets ``dt`` later, on the way to ``wanted``, within the drive's limits of speed and acceleration."""
     present = twist_of(now, drive)
     linear = approach(
@@ -48,7 +48,7 @@ def follow(now: WheelTargets, wanted: Twist2, drive: Drive, dt: float) -> WheelT
     return targets_of(Twist2(linear=linear, angular=angular), drive)
 
 
-def brake(now: WheelTargets, drive: Drive, dt: float) -> WheelTargets:
+def brake(now: WheelTargets, drive: WheelDrive, dt: float) -> WheelTargets:
     """Wheel targets ``dt`` later while each wheel is braked to a stop."""
     step = drive.braking * dt
     return WheelTargets(approach(now.left, 0.0, step, step), approach(now.right, 0.0, step, step))

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import Scan
-from rackhand.services.sim.chassis.profiles import LidarKind
 from rackhand.services.sim.mjcf.geometry import wrap
 from rackhand.services.sim.mjcf.layers import VISIBLE_GROUP
+from rackhand.worlds.chassis_model import LidarKind
 
 _SEEN = np.array([group == VISIBLE_GROUP for group in range(6)], dtype=np.uint8)
 

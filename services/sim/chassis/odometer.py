@@ -9,8 +9,8 @@ import numpy as np
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.chassis import Odometry
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.chassis.profiles import Drive
 from rackhand.services.sim.mjcf.geometry import wrap
+from rackhand.worlds.chassis_model import WheelDrive
 
 
 class Odometer:
@@ -19,7 +19,7 @@ class Odometer:
     """
 
     def __init__(
-        self, drive: Drive, noise: NoiseSettings, rng: np.random.Generator, angles: tuple[float, float]
+        self, drive: WheelDrive, noise: NoiseSettings, rng: np.random.Generator, angles: tuple[float, float]
     ) -> None:
         self._drive = drive
         self._rng = rng

@@ -27,11 +27,11 @@ from rackhand.services.sim.chassis.drive import WheelTargets
 from rackhand.services.sim.chassis.lidar import Lidar
 from rackhand.services.sim.chassis.noise import NoiseSettings, PoseNoise, generator
 from rackhand.services.sim.chassis.odometer import Odometer
-from rackhand.services.sim.chassis.profiles import Profile, describe
 from rackhand.services.sim.mjcf.chassis_model import WHEELS
 from rackhand.services.sim.mjcf.geometry import wrap
 from rackhand.services.sim.mjcf.scene import yaw_quaternion
-from rackhand.services.sim.world.worldfile import PoseTuple
+from rackhand.worlds.chassis_model import ChassisProfile
+from rackhand.worlds.data import PoseTuple
 
 GRAVITY = 9.81
 POSE_PERIOD = 0.04
@@ -44,7 +44,7 @@ class Robot:
     def __init__(
         self,
         name: str,
-        profile: Profile,
+        profile: ChassisProfile,
         model: Any,
         data: Any,
         seed: int,
@@ -55,6 +55,7 @@ class Robot:
         self.name, self.profile = name, profile
         self.faults: set[str] = set()
         self.command: ChassisCommand | None = None
+        self._admitted = -1
         self.body = int(model.body(name).id)
         self.hull = int(model.geom(f"{name}/hull").id)
         self._model, self._data = model, data
@@ -106,6 +107,13 @@ class Robot:
     @property
     def charging(self) -> bool:
         return self.charge_contact or "power_cable" in self.faults
+
+    def admit(self, command: ChassisCommand) -> bool:
+        """False if the command answers an older stamp than one that was admitted before."""
+        if command.answers < self._admitted:
+            return False
+        self._admitted = command.answers
+        return True
 
     def put(self, pose: PoseTuple) -> None:
         """Be at ``pose``, without more. Its odometry knows nothing of it."""
@@ -215,7 +223,7 @@ class Robot:
         )
 
     def chassis_model(self) -> ChassisModel:
-        return describe(self.profile)
+        return self.profile.describe()
 
     def _wheel_angles(self) -> tuple[float, float]:
         left, right = (float(self._data.qpos[address]) for address in self._wheel_qpos)

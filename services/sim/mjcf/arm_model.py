@@ -10,9 +10,9 @@ from typing import Any
 
 import mujoco
 
-from rackhand.services.sim.arm.kinds import ArmKind, arm_file
 from rackhand.services.sim.mjcf import layers
-from rackhand.services.sim.world.worldfile import ArmPlace
+from rackhand.worlds.arm_model import ArmDescription, arm_mjcf
+from rackhand.worlds.world_model import ArmPlace
 
 TOOL, CUP, SUCTION, FORCE, TORQUE = "tool", "cup", "suction", "force", "torque"
 # The suction gripper: a cup on a short tube. It pulls with at most this force (N) on what it touches.
@@ -22,10 +22,10 @@ SEALS = 0.9
 _GRIPPER_COLOUR = [0.15, 0.15, 0.17, 1]
 
 
-def add_arm(spec: Any, arm: str, kind: ArmKind, place: ArmPlace) -> None:
+def add_arm(spec: Any, arm: str, kind: ArmDescription, place: ArmPlace) -> None:
     """Add the arm, its base frame at ``place.pose`` and ``place.mount`` above the floor."""
     x, y, yaw = place.pose
-    child = mujoco.MjSpec.from_file(str(arm_file(place.kind)))
+    child = mujoco.MjSpec.from_file(str(arm_mjcf(place.kind)))
     frame = spec.worldbody.add_frame(pos=[x, y, place.mount], quat=[math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)])
     spec.attach(child, frame=frame, prefix=f"{arm}/")
     bodies = [body for body in spec.bodies if body.name.startswith(f"{arm}/")]

@@ -7,10 +7,10 @@ from typing import Any
 
 import mujoco
 
-from rackhand.services.sim.chassis.profiles import JackKind, Profile
 from rackhand.services.sim.mjcf import layers
 from rackhand.services.sim.mjcf.layers import Layer
-from rackhand.services.sim.world.worldfile import PoseTuple
+from rackhand.worlds.chassis_model import ChassisProfile, JackKind
+from rackhand.worlds.data import PoseTuple
 
 _BODY_COLOUR = [0.93, 0.93, 0.95, 1]
 _DARK = [0.15, 0.15, 0.17, 1]
@@ -18,7 +18,7 @@ WHEELS = ("wheel_left", "wheel_right")
 JACK_ARMATURE, JACK_DAMPING, JACK_STIFFNESS = 200.0, 2000.0, 2e6
 
 
-def add_chassis(spec: Any, robot: str, profile: Profile, pose: PoseTuple) -> None:
+def add_chassis(spec: Any, robot: str, profile: ChassisProfile, pose: PoseTuple) -> None:
     """Add the chassis ``robot`` standing at ``pose``. Names of its parts are ``robot/part``; its base is ``robot``."""
     x, y, yaw = pose
     base = spec.worldbody.add_body(
@@ -40,7 +40,7 @@ def _geom(body: Any, layer: Layer, **options: Any) -> Any:
     return body.add_geom(contype=layer.contype, conaffinity=layer.conaffinity, group=layer.group, **options)
 
 
-def _add_hull(base: Any, robot: str, profile: Profile) -> None:
+def _add_hull(base: Any, robot: str, profile: ChassisProfile) -> None:
     length, width, height = profile.body.size
     _geom(
         base,
@@ -55,7 +55,7 @@ def _add_hull(base: Any, robot: str, profile: Profile) -> None:
     )
 
 
-def _add_wheels(spec: Any, base: Any, robot: str, profile: Profile) -> None:
+def _add_wheels(spec: Any, base: Any, robot: str, profile: ChassisProfile) -> None:
     """Wheels collide as spheres, drawn as cylinders: a flat cylinder touches at both rims and scrubs in turns."""
     drive = profile.drive
     for side, part in zip((1, -1), WHEELS, strict=True):
@@ -89,7 +89,7 @@ def _add_wheels(spec: Any, base: Any, robot: str, profile: Profile) -> None:
         motor.forcelimited, motor.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-drive.torque, drive.torque]
 
 
-def _add_casters(base: Any, robot: str, profile: Profile) -> None:
+def _add_casters(base: Any, robot: str, profile: ChassisProfile) -> None:
     """Frictionless spheres. They are softer than the wheels, so that the wheels bear most of the weight."""
     radius = profile.casters.radius
     for i, (x, y) in enumerate(profile.casters.positions):
@@ -108,7 +108,7 @@ def _add_casters(base: Any, robot: str, profile: Profile) -> None:
         )
 
 
-def _add_jack(spec: Any, base: Any, robot: str, profile: Profile, jack: JackKind) -> None:
+def _add_jack(spec: Any, base: Any, robot: str, profile: ChassisProfile, jack: JackKind) -> None:
     name = f"{robot}/jack"
     top = profile.body.clearance + profile.body.size[2]
     length, width, height = jack.plate

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from rackhand.services.sim.world.worldfile import Box, Charger, Cylinder, PoseTuple, StaticThing, Wall
+from rackhand.worlds.data import PoseTuple
+from rackhand.worlds.world_model import Box, Charger, Cylinder, StaticThing, Wall
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ from typing import Any
 
 import mujoco
 
-from rackhand.services.sim.arm.kinds import ArmKind
-from rackhand.services.sim.chassis.profiles import Profile
 from rackhand.services.sim.mjcf import layers
 from rackhand.services.sim.mjcf.arm_model import add_arm
 from rackhand.services.sim.mjcf.chassis_model import add_chassis
 from rackhand.services.sim.mjcf.geometry import Shape, charger_shapes, static_shapes
-from rackhand.services.sim.world.worldfile import Item, Rack, RackKind, World
+from rackhand.worlds.arm_model import ArmDescription
+from rackhand.worlds.chassis_model import ChassisProfile
+from rackhand.worlds.world_model import Item, Rack, RackKind, World
 
 # How many things of each kind can be placed at run time. Slots are compiled in, because compiling anew would
 # put everything that moves to sleep, and cost some 50 ms.
@@ -32,7 +32,9 @@ _GEOMS = {
 }
 
 
-def build_model(world: World, profiles: Mapping[str, Profile], kinds: Mapping[str, ArmKind]) -> mujoco.MjModel:
+def build_model(
+    world: World, profiles: Mapping[str, ChassisProfile], kinds: Mapping[str, ArmDescription]
+) -> mujoco.MjModel:
     """Compile the world. ``profiles``: robot → its profile; ``kinds``: arm → its kind. Raises ``ValueError`` if MuJoCo
     cannot compile it.
     """

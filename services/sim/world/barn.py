@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import yaml
 from pydantic import ConfigDict, Field, ValidationError
 
-from rackhand.services.sim.errors import WorldFileError
 from rackhand.services.sim.world.maps import write_map
-from rackhand.services.sim.world.worldfile import Data, Point, PoseTuple, Positive, World
+from rackhand.worlds.data import Data, Point, PoseTuple, Positive, WorldFileError
+from rackhand.worlds.world_model import World
 
 MARGIN = 1.5  # m of floor round the field, the start and the goal
 

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from rackhand.services.sim.errors import WorldFileError
 from rackhand.services.sim.world.barn import write_barn_world
 from rackhand.services.sim.world.maps import write_map
-from rackhand.services.sim.world.worldfile import known_worlds, load_world, world_directory
+from rackhand.worlds.data import WorldFileError
+from rackhand.worlds.world_model import known_worlds, load_world, world_directory
 
 
 def list_worlds() -> None:

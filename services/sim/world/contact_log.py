@@ -24,7 +24,7 @@ class _Touch:
     row: int | None
 
 
-class ContactLedger:
+class ContactLog:
     """``hulls``: geom → robot whose body it is. ``name_of``: geom → name of the thing it belongs to.
 
     It is shown the contacts of *every* physics step, so none is too short for it; looking costs some 2 µs, because a

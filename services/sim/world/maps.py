@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from rackhand.services.sim.mjcf.geometry import Shape, charger_shapes, static_shapes
-from rackhand.services.sim.world.worldfile import World
+from rackhand.worlds.world_model import World
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik import DifferentialIk, Step
-from rackhand.services.controller.ik.arm import Array
 
 Path = Callable[[float], Array]  # time [s] → pose (3, 4)
 

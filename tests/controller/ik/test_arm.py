@@ -1,23 +1,17 @@
 """The arm's model: pinocchio's and the kernels' equal to MuJoCo's, also inside a cell, and bad descriptions refused."""
 
-from importlib.resources import files
-
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-import yaml
 
 from rackhand.services.controller.ik import Arm, ArmError, build_arm, forward, load_arm
 from rackhand.services.controller.ik import kernels as k
+from rackhand.worlds.arm_model import ArmDescription, arm_mjcf, load_arm_description
 
 
 def spec_of(name: str) -> mujoco.MjSpec:
-    return mujoco.MjSpec.from_string((files("rackhand.worlds.arms") / f"{name}.xml").read_text())
-
-
-def extra_of(name: str) -> dict:
-    return yaml.safe_load((files("rackhand.worlds.arms") / f"{name}.yaml").read_text())
+    return mujoco.MjSpec.from_file(str(arm_mjcf(name)))
 
 
 def in_a_cell(name: str) -> mujoco.MjModel:
@@ -46,7 +40,7 @@ def test_model_equals_mujoco(name: str, cell: bool) -> None:
     data, ours = mujoco.MjData(compiled), arm.model.createData()
     rows = [compiled.joint(joint).dofadr[0] for joint in arm.joints]
     seats = [compiled.joint(joint).qposadr[0] for joint in arm.joints]
-    base, site = data.body(prefix + extra_of(name)["base"]), data.site(prefix + tool)
+    base, site = data.body(prefix + load_arm_description(name).base), data.site(prefix + tool)
     random = np.random.default_rng(5)
     for _ in range(20):
         q, v = random.uniform(arm.limits.lower, arm.limits.upper), random.uniform(-2, 2, arm.n)
@@ -89,7 +83,7 @@ def test_axis_need_not_be_z() -> None:
     two = {
         key: [1.0, 1.0] for key in ("velocity", "acceleration", "jerk", "task_velocity", "task_acceleration", "home")
     }
-    arm = build_arm("two", compiled, two | {"base": "base", "tool": "tool"})
+    arm = build_arm("two", compiled, ArmDescription.model_validate(two | {"base": "base", "tool": "tool"}))
     data = mujoco.MjData(compiled)
     data.qpos[:] = [0.7, -1.1]
     mujoco.mj_forward(compiled, data)
@@ -108,21 +102,26 @@ def test_published_reach() -> None:
     [
         ({"base": "nobody"}, "no body 'nobody'"),
         ({"tool": "nothing"}, "no body or site 'nothing'"),
-        ({"velocity": [1.0, 2.0]}, "velocity must be 6 positive numbers"),
-        ({"acceleration": [1, 1, 1, 1, 1, float("nan")]}, "acceleration must be 6 positive"),
-        ({"home": [9, 0, 0, 0, 0, 0]}, "home must be 6 joint positions within the limits"),
-        ({"self_collision": [["base", "elbo"]]}, "'elbo'"),
-        ({"spheres": [{"name": "s", "body": "b", "at": [0, 0, 0], "radius": 1}]}, "'b' of the arm"),
+        ({"home": [9.0, 0, 0, 0, 0, 0]}, "is not within the joint ranges"),
+        (
+            {key: [1.0] * 5 for key in ("home", "velocity", "acceleration", "jerk")},
+            "home has 5 .*, the MJCF has 6 joints",
+        ),
+        (
+            {"spheres": [{"name": "s", "body": "b", "at": [0, 0, 0], "radius": 1}], "self_collision": []},
+            "'b' of the arm",
+        ),
         ({"tool": "forearm_link"}, "does not hang on the last joint"),
     ],
 )
-def test_bad_description_says_what(change: dict, says: str) -> None:
+def test_a_description_that_does_not_fit_the_mjcf_is_refused(change: dict, says: str) -> None:
+    described = ArmDescription.model_validate(load_arm_description("ur5e").model_dump() | change)
     with pytest.raises(ArmError, match=says):
-        build_arm("ur5e", spec_of("ur5e").compile(), extra_of("ur5e") | change)
+        build_arm("ur5e", spec_of("ur5e").compile(), described)
 
 
 def test_unknown_arm_lists_the_known() -> None:
-    with pytest.raises(ArmError, match="expected one of fr3, ur5e"):
+    with pytest.raises(ArmError, match=r"known: \[\'fr3\', \'ur5e\'\]"):
         load_arm("ur6")
 
 
@@ -133,8 +132,8 @@ def test_spheres_follow_their_links(arm: Arm) -> None:
     mujoco.mj_forward(compiled, data)
     frames = np.empty((arm.n + 1, 3, 4))
     k.forward(arm.placements, arm.home, frames)
-    for sphere, entry in zip(arm.spheres, extra_of(arm.name)["spheres"], strict=True):
-        body = data.body(entry["body"])
+    for sphere, entry in zip(arm.spheres, load_arm_description(arm.name).spheres, strict=True):
+        body = data.body(entry.body)
         frame = np.eye(3, 4) if sphere.joint < 0 else frames[sphere.joint]
-        expected = body.xpos + body.xmat.reshape(3, 3) @ np.array(entry["at"], float)
+        expected = body.xpos + body.xmat.reshape(3, 3) @ np.array(entry.at)
         np.testing.assert_allclose(frame[:, :3] @ sphere.center + frame[:, 3], expected, atol=1e-12)

@@ -127,7 +127,7 @@ def test_twist_near_a_singularity_keeps_its_direction(ur5e: Arm) -> None:
     q, v = ur5e.home.copy(), np.zeros(6)
     q[4] = -0.05
     twist = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
-    # DispatchResult the axis the wrist is about to lose into the one asked for.
+    # Turn the axis the wrist is about to lose into the one asked for.
     frame = ik.forward(q)
     twist[3:] = frame[:, :3] @ np.array([1.0, 0.0, 0.0])
     for _ in range(40):

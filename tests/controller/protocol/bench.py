@@ -1,4 +1,4 @@
-"""A dispatcher on a bench: a six-joint arm that does at once whatever it is told."""
+"""A dispatcher on a bench: a six-joint arm that executes every command at once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from rackhand.schemas import crf_requests as crf
 from rackhand.schemas.motion import Expected, MotionStatus, RobotConfiguration
 from rackhand.services.controller.access.access import Access
 from rackhand.services.controller.access.types import SECOND, AccessConfig, StopMotion
-from rackhand.services.controller.protocol.dispatch import Admitted, Dispatcher, DispatchResult
+from rackhand.services.controller.commands.spec import CommandTable, GrantedCommand
+from rackhand.services.controller.commands.table import COMMANDS
+from rackhand.services.controller.protocol.dispatch import Dispatcher, DispatchResult
 from tests.schemas.test_motion import configuration, status
 
 ARM = RobotConfiguration.model_validate(configuration())
@@ -19,8 +21,11 @@ IDLE = MotionStatus.model_validate(status(priorityUnderControl=0, controllerStat
 class Bench:
     """Sends requests and reads answers as dictionaries. ``queue`` is the arm's: points not yet run."""
 
-    def __init__(self, not_offered: frozenset[str] = frozenset(), **config: Any) -> None:
-        self.dispatcher = Dispatcher(Access("e1", AccessConfig(**config)), ARM, not_offered)
+    def __init__(
+        self, not_offered: frozenset[str] = frozenset(), commands: CommandTable = COMMANDS, **config: Any
+    ) -> None:
+        access = Access("e1", AccessConfig(**config))
+        self.dispatcher = Dispatcher(access, lambda: ARM, commands, not_offered)
         self.now = 0
         self.queue: list[Any] = []
         self.turn = DispatchResult()
@@ -30,7 +35,7 @@ class Bench:
 
     def send(self, client: str, text: bytes | str) -> dict[str, Any]:
         self.take(self.dispatcher.request(client, text, self.now))
-        answer = self.turn.reply if self.turn.admitted is None else self.carry_out(self.turn.admitted)
+        answer = self.turn.reply if self.turn.granted is None else self.carry_out(self.turn.granted)
         assert answer is not None, "left without an answer"
         read: dict[str, Any] = json.loads(answer)
         assert read["command"] == "reply"
@@ -42,15 +47,15 @@ class Bench:
 
     def take(self, turn: DispatchResult) -> None:
         self.turn = turn
-        if any(isinstance(order, StopMotion) for order in turn.orders):
+        if any(isinstance(effect, StopMotion) for effect in turn.motion):
             self.queue.clear()
 
-    def carry_out(self, admitted: Admitted) -> bytes:
-        if isinstance(admitted.request, crf.GetStatus):
-            return self.dispatcher.finish(admitted, self.dispatcher.complete(IDLE, self.now))
-        if isinstance(admitted.request, crf.AppendJointsPath | crf.AppendTaskPath):
-            self.queue.extend(admitted.request.data)
-        return self.dispatcher.finish(admitted, Expected[bool].of(True))
+    def carry_out(self, granted: GrantedCommand) -> bytes:
+        if isinstance(granted.request, crf.GetStatus):
+            return self.dispatcher.finish(granted, self.dispatcher.complete(IDLE, self.now))
+        if isinstance(granted.request, crf.AppendJointsPath | crf.AppendTaskPath):
+            self.queue.extend(granted.request.data)
+        return self.dispatcher.finish(granted, Expected[bool].of(True))
 
 
 PATH: dict[str, Any] = {"command": "appendPath", "priority": 10, "type": "joints", "data": [[0, 0, 0, 0, 0, 0]]}

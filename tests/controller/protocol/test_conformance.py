@@ -86,7 +86,7 @@ def test_10_silence_ends_a_velocity() -> None:
     bench, guard = Bench(), StreamGuard()
     answer = bench.ask("a", command="setVelocity", priority=10, type="joints", data=[0.1] * 6)
     assert answer["message"] == OK
-    admitted = bench.turn.admitted
-    assert admitted and isinstance(admitted.verdict.token, FencingToken)
-    guard.offer(StreamSample(admitted.verdict.token), 0)
+    granted = bench.turn.granted
+    assert granted and isinstance(granted.decision.token, FencingToken)
+    guard.offer(StreamSample(granted.decision.token), 0)
     assert not guard.expired(99_000_000) and guard.expired(100_000_000)

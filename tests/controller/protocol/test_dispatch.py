@@ -13,9 +13,9 @@ from rackhand.schemas import crf_requests as crf
 from rackhand.schemas.motion import Expected, MotionEvent
 from rackhand.schemas.orientation import Representation
 from rackhand.services.controller.access.types import SECOND, StopMotion
+from rackhand.services.controller.commands.settings import parameters_of
 from rackhand.services.controller.protocol.answers import event
-from rackhand.services.controller.protocol.checks import parameters_of
-from rackhand.services.controller.protocol.dispatch import alias
+from rackhand.services.controller.protocol.sessions import alias
 from rackhand.services.controller.protocol.status_stream import StatusStream
 from tests.controller.protocol.bench import BAD, IDLE, OK, PATH, Bench
 
@@ -242,7 +242,7 @@ def test_clients_that_use_one_id_for_everything_are_served() -> None:
     assert len(bench.queue) == 3, "one id, but not the same request"
     for _ in range(2):
         bench.ask("a", **VELOCITY, id=1)
-        assert bench.turn.admitted, "the same velocity again refreshes the deadman"
+        assert bench.turn.granted, "the same velocity again refreshes the deadman"
 
 
 def test_what_was_refused_may_be_tried_again() -> None:
@@ -252,8 +252,8 @@ def test_what_was_refused_may_be_tried_again() -> None:
     bench.ask("b", command="unlockControl", priority=5)
     assert bench.ask("a", **PATH, id=3)["message"] == OK
     turn = bench.dispatcher.request("a", json.dumps({**PATH, "id": 9}), bench.now)
-    assert turn.admitted
-    bench.dispatcher.finish(turn.admitted, Expected[bool].failed(400), "unreachable")
+    assert turn.granted
+    bench.dispatcher.finish(turn.granted, Expected[bool].failed(400), "unreachable")
     assert bench.ask("a", **PATH, id=9)["message"] == OK
 
 
@@ -262,16 +262,16 @@ def test_a_retry_while_the_first_is_being_carried_out_shares_its_answer() -> Non
     text = json.dumps({**PATH, "id": 3})
     first = bench.dispatcher.request("a", text, 0)
     second = bench.dispatcher.request("a", text, 0)
-    assert first.admitted and first.admitted.key == second.shared
-    assert second.admitted is None and second.reply is None
+    assert first.granted and first.granted.key == second.shared
+    assert second.granted is None and second.reply is None
 
 
 def test_a_change_of_holder_orders_the_stop_before_the_command() -> None:
     bench = Bench()
     bench.ask("a", **PATH)
     turn = bench.dispatcher.request("b", json.dumps({**PATH, "priority": 5}), 0)
-    assert [type(order) for order in turn.orders] == [StopMotion]
-    assert turn.admitted and turn.admitted.verdict.after_rest
+    assert [type(effect) for effect in turn.motion] == [StopMotion]
+    assert turn.granted and turn.granted.decision.after_rest
     told = [(e.name, e.to, bench.dispatcher.recipient(e.to)) for e in turn.events]
     assert told == [("controlLost", alias("a"), "a"), ("controlGranted", alias("b"), "b")]
     sent = json.loads(event(turn.events[0].name, turn.events[0].info))
@@ -381,9 +381,9 @@ def test_parameters_come_out_typed() -> None:
     bench = Bench()
     assert bench.ask("a", command="setParameters", priority=10, data=data)["message"] == OK
     assert [entry.action for entry in bench.turn.audit] == ["grant", "setParameters"]
-    admitted = bench.turn.admitted
-    assert admitted and isinstance(admitted.request, crf.SetParameters)
-    functions = parameters_of(admitted.request).controller.objective_functions
+    granted = bench.turn.granted
+    assert granted and isinstance(granted.request, crf.SetParameters)
+    functions = parameters_of(granted.request).controller.objective_functions
     assert functions and functions.joint_limits and functions.joint_limits.c == 2.0
 
 

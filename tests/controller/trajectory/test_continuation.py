@@ -3,9 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.trajectory.continuation import follow, pose_error
 from rackhand.services.controller.trajectory.geometry import TaskPath, Tolerance, rotation_exp, task_path
-from rackhand.services.controller.trajectory.model import Array, JointLimits, PathRefused, Pose
+from rackhand.services.controller.trajectory.model import JointLimits, PathRefused, TcpPose
 from tests.controller.trajectory.arms import FR3, FR3_HOME, FR3_LIMITS, UR5E, UR5E_HOME, UR5E_LIMITS, Chain
 
 ARMS = pytest.mark.parametrize(
@@ -13,11 +14,11 @@ ARMS = pytest.mark.parametrize(
 )
 
 
-def moved(pose: Pose, by: tuple[float, float, float], turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Pose:
-    return Pose(pose.translation + np.array(by), pose.rotation @ rotation_exp(np.array(turn)))
+def moved(pose: TcpPose, by: tuple[float, float, float], turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> TcpPose:
+    return TcpPose(pose.translation + np.array(by), pose.rotation @ rotation_exp(np.array(turn)))
 
 
-def square(start: Pose, side: float) -> TaskPath:
+def square(start: TcpPose, side: float) -> TaskPath:
     corners = [(0.0, 0, 0), (0, side, 0), (0, side, -side), (0, 0, -side), (0, 0, 0)]
     return task_path([moved(start, corner) for corner in corners], Tolerance())
 

@@ -5,12 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.trajectory.continuation import pose_error
 from rackhand.services.controller.trajectory.geometry import Tolerance, joint_path, rotation_exp, task_path
 from rackhand.services.controller.trajectory.joint_stop import stop_joints
-from rackhand.services.controller.trajectory.model import Array, PathRefused, Pose, TaskLimits
+from rackhand.services.controller.trajectory.model import PathRefused, TaskLimits, TcpPose
 from rackhand.services.controller.trajectory.splice import extend_joints, extend_task
-from rackhand.services.controller.trajectory.stream import Limits, Motion, Sample, start_joints, start_task
+from rackhand.services.controller.trajectory.stream import Motion, PathLimits, Sample, start_joints, start_task
 from rackhand.services.controller.trajectory.timing import Planning
 from tests.controller.trajectory.arms import FR3, FR3_LIMITS, UR5E, UR5E_HOME, UR5E_LIMITS
 from tests.controller.trajectory.helpers import record
@@ -23,7 +24,7 @@ SPLICED = 1.02
 """What changes under way mixes two plans in the filter."""
 SEEDS = st.integers(0, 100_000)
 PARTS = st.floats(0.02, 0.98)
-FREE = Limits(FR3_LIMITS)
+FREE = PathLimits(FR3_LIMITS)
 SLOW = TaskLimits(np.full(6, 0.25), np.full(6, 1.0))
 FAST = TaskLimits(np.full(6, 1.5), np.full(6, 8.0))
 
@@ -39,12 +40,12 @@ def moving(seed: int) -> Motion:
     return start_joints(0.0, joint_path(way_points(seed), TOLERANCE), FREE, PLANNING)
 
 
-def square(task: TaskLimits, side: float = 0.3) -> tuple[Motion, list[Pose]]:
+def square(task: TaskLimits, side: float = 0.3) -> tuple[Motion, list[TcpPose]]:
     start = UR5E.forward(UR5E_HOME)
     corners = [(0.0, 0, 0), (0, side, 0), (0, side, side), (0, 0, side), (0, 0, 0)]
-    poses = [Pose(start.translation + np.array(corner), start.rotation) for corner in corners]
+    poses = [TcpPose(start.translation + np.array(corner), start.rotation) for corner in corners]
     path = task_path(poses, TOLERANCE)
-    return start_task(0.0, path, UR5E_HOME, Limits(UR5E_LIMITS, task), PLANNING, UR5E), poses
+    return start_task(0.0, path, UR5E_HOME, PathLimits(UR5E_LIMITS, task), PLANNING, UR5E), poses
 
 
 def changed(before: Motion, after: Motion, t: float, start: float, limits=FR3_LIMITS) -> None:  # type: ignore[no-untyped-def]
@@ -164,7 +165,7 @@ def test_a_queue_that_is_appended_to_for_long_stays_small() -> None:
         end = motion.curve.q[-1]
         more = np.vstack([end, np.clip(end + rng.normal(size=(2, 7)) * 0.3, FR3_LIMITS.lower, FR3_LIMITS.upper)])
         motion = extend_joints(motion, t, joint_path(more, TOLERANCE, motion.curve.end), TOLERANCE, FREE)
-        sizes.append((motion.rows.s.size, motion.phase.t.size, motion.curve.s.size))
+        sizes.append((motion.rows.s.size, motion.law.t.size, motion.curve.s.size))
     assert np.max(sizes[5:], axis=0).tolist() < [1500, 1500, 40]
     assert motion.curve.end > 15
 
@@ -212,12 +213,12 @@ def test_a_soft_stop_on_a_task_path_leaves_it_by_nothing(part: float) -> None:
 def test_task_points_splice_in_smoothly(part: float) -> None:
     motion, poses = square(FAST)
     t = part * motion.end
-    turned = Pose(
+    turned = TcpPose(
         poses[-1].translation + np.array([0.0, 0.15, 0.05]),
         poses[-1].rotation @ rotation_exp(np.array([0.3, 0.1, 0.2])),
     )
     more = task_path([poses[-1], turned], TOLERANCE, motion.curve.end)
-    spliced = extend_task(motion, t, more, TOLERANCE, Limits(UR5E_LIMITS, FAST), UR5E)
+    spliced = extend_task(motion, t, more, TOLERANCE, PathLimits(UR5E_LIMITS, FAST), UR5E)
     changed(motion, spliced, t, t - 0.1, UR5E_LIMITS)
     assert np.abs(pose_error(UR5E.forward(spliced.rest), turned)).max() < 1e-6
     assert bool(spliced.path.legs.stop.any()) == (part > 0.9)
@@ -225,11 +226,11 @@ def test_task_points_splice_in_smoothly(part: float) -> None:
 
 def test_an_appended_point_out_of_reach_is_refused_with_its_own_number() -> None:
     motion, poses = square(SLOW)
-    far = Pose(poses[-1].translation + np.array([0.0, 3.0, 0.0]), poses[-1].rotation)
-    near = Pose(poses[-1].translation + np.array([0.0, 0.1, 0.0]), poses[-1].rotation)
+    far = TcpPose(poses[-1].translation + np.array([0.0, 3.0, 0.0]), poses[-1].rotation)
+    near = TcpPose(poses[-1].translation + np.array([0.0, 0.1, 0.0]), poses[-1].rotation)
     with pytest.raises(PathRefused) as refused:
         more = task_path([poses[-1], near, far], TOLERANCE, motion.curve.end)
-        extend_task(motion, 1.0, more, TOLERANCE, Limits(UR5E_LIMITS, SLOW), UR5E)
+        extend_task(motion, 1.0, more, TOLERANCE, PathLimits(UR5E_LIMITS, SLOW), UR5E)
     assert refused.value.point == 1
 
 
@@ -239,7 +240,7 @@ def test_a_wrist_singularity_slows_the_motion_and_is_passed_within_the_limits() 
     beyond = q.copy()
     beyond[4], beyond[0] = 0.4, q[0] + 0.3
     path = task_path([UR5E.forward(q), UR5E.forward(beyond)], TOLERANCE)
-    motion = start_task(0.0, path, q, Limits(UR5E_LIMITS, FAST), PLANNING, UR5E)
+    motion = start_task(0.0, path, q, PathLimits(UR5E_LIMITS, FAST), PLANNING, UR5E)
     assert max(record(motion.at, 0.0, motion.end).use(UR5E_LIMITS)) <= KEPT
     speeds = [
         np.linalg.norm(s.task.twist[:3]) for t in np.linspace(0.2, motion.end - 0.2, 400) if (s := motion.at(t)).task
@@ -248,7 +249,7 @@ def test_a_wrist_singularity_slows_the_motion_and_is_passed_within_the_limits() 
 
 
 def test_task_limits_hold_on_joint_paths_too_where_they_are_given() -> None:
-    limits = Limits(FR3_LIMITS, SLOW)
+    limits = PathLimits(FR3_LIMITS, SLOW)
     motion = start_joints(0.0, joint_path(way_points(12), TOLERANCE), limits, PLANNING, FR3)
     for t in np.arange(0.0, motion.end, 0.05):
         sample = motion.at(t)

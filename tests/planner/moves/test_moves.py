@@ -210,17 +210,17 @@ def test_a_power_cable_fails_it_with_17(cell: Cell) -> None:
 def test_a_lost_driver_fails_it_with_1000_and_the_next_one_works(cell: Cell) -> None:
     move = cell.create()
     cell.tick()
-    cell.chassis.reset("the chassis' driver has gone")
-    cell.chassis.set_driver_alive(False)
+    cell.chassis.reset("the chassis driver disconnected")
+    cell.chassis.set_driver_fault("the chassis driver disconnected")
     ended = cell.get(move.id)
     assert (ended.state, ended.fail_reason) == ("failed", 1000)
-    assert ended.fail_message == "the chassis' driver has gone while the move ran"
-    with pytest.raises(RequestRefused, match="driver is not there") as refused:
+    assert ended.fail_message == "the chassis driver disconnected during the move"
+    with pytest.raises(RequestRefused, match="the chassis driver disconnected") as refused:
         cell.create()
     assert refused.value.code == "unavailable"
     assert cell.heard(topics.CHASSIS_STATUS)[-1].driver_alive is False
     cell.stamp, cell.twist = -40_000_000, STANDSTILL
-    cell.chassis.set_driver_alive(True)
+    cell.chassis.set_driver_fault("")
     cell.navigator.ticks = [ARRIVED]
     move = cell.create()
     cell.tick()

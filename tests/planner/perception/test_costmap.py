@@ -7,16 +7,16 @@ import numpy as np
 from rackhand.services.planner.map.grid import Geometry
 from rackhand.services.planner.perception.costmap import BLOCKED, MAX_NON_LETHAL, TOO_CLOSE, cost_bytes
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
-from rackhand.services.planner.planning.field import crowding
+from rackhand.services.planner.planning.inflation import Inflation, inflation_cost
 
-RESOLUTION, INSCRIBED, COMFORT = 0.05, 0.23, 0.5
+RESOLUTION, INSCRIBED, RADIUS = 0.05, 0.23, 0.5
 
 
 def test_a_cell_costs_what_the_plan_pays_for_it() -> None:
     blocked = np.zeros((3, 60), dtype=np.bool_)
     blocked[:, 0] = True
     room = DistanceGrid.of(blocked, Geometry(0.0, 0.0, RESOLUTION, *blocked.shape))
-    cost = cost_bytes(room, INSCRIBED, COMFORT)
+    cost = cost_bytes(room, INSCRIBED, RADIUS)
     assert cost.shape == blocked.shape
     assert (cost[:, 0] == BLOCKED).all()
     for column in range(1, 60):
@@ -24,6 +24,6 @@ def test_a_cell_costs_what_the_plan_pays_for_it() -> None:
         if clearance < -1e-6:
             assert cost[1, column] == TOO_CLOSE
         else:
-            paid = crowding(clearance, COMFORT, 1.0) - 1.0
+            paid = inflation_cost(clearance, Inflation(INSCRIBED, RADIUS, 1.0)) - 1.0
             assert abs(cost[1, column] - MAX_NON_LETHAL * paid) <= 1
     assert cost[1, -1] == 0

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
+from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.map.grid import Geometry
+from rackhand.services.planner.planning.cost_to_go import cost_to_go
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
-from rackhand.services.planner.planning.field import cost_to_go, distance_field, sample
+from rackhand.services.planner.planning.field import distance_field, sample
+from rackhand.services.planner.planning.inflation import Inflation
 from tests.planner.plant import BODY
 
 
@@ -25,16 +27,18 @@ def test_nothing_blocked_is_far() -> None:
 
 def test_sample_is_0_outside_and_exact_at_centres() -> None:
     field = np.arange(12, dtype=np.float32).reshape(3, 4)
-    assert sample(field, 0.0, 0.0, 1.0, 2.5, 1.5) == pytest.approx(6.0)
-    assert sample(field, 0.0, 0.0, 1.0, 2.0, 1.5) == pytest.approx(5.5)
-    assert sample(field, 0.0, 0.0, 1.0, -3.0, 1.5) == 0.0
+    geometry = Geometry(0.0, 0.0, 1.0, 3, 4)
+    assert sample(field, geometry, 2.5, 1.5) == pytest.approx(6.0)
+    assert sample(field, geometry, 2.0, 1.5) == pytest.approx(5.5)
+    assert sample(field, geometry, -3.0, 1.5) == 0.0
 
 
 def test_cost_to_go_goes_round_a_wall_and_ends_at_the_budget() -> None:
     blocked = np.zeros((60, 60), dtype=np.bool_)
     blocked[:45, 30] = True
-    distance = distance_field(blocked, 0.1)
-    cost, toward, expanded = cost_to_go(distance, 0.1, 10, 50, 0.2, 0.3, 0.0, 10**6)
+    grid = DistanceGrid.of(blocked, Geometry(0.0, 0.0, 0.1, 60, 60))
+    inflation = Inflation(0.2, 0.3, 0.0)
+    cost, toward, expanded = cost_to_go(grid, 10, 50, inflation, 10**6)
     over = math.hypot(2.0, 3.7) + math.hypot(2.0, 3.7)
     assert cost[10, 10] == pytest.approx(over, rel=0.1)
     assert np.isinf(cost[10, 30])
@@ -42,7 +46,7 @@ def test_cost_to_go_goes_round_a_wall_and_ends_at_the_budget() -> None:
     while toward[index] >= 0:
         index, steps = toward[index], steps + 1
     assert index == 10 * 60 + 50 and steps < 200
-    assert cost_to_go(distance, 0.1, 10, 50, 0.2, 0.3, 0.0, 100)[2] == 100 < expanded
+    assert cost_to_go(grid, 10, 50, inflation, 100)[2] == 100 < expanded
 
 
 def brute_clearance(blocked: np.ndarray, resolution: float, pose: np.ndarray) -> float:

@@ -130,7 +130,7 @@ def test_search_out_of_budget(begin) -> None:
 
 def test_the_circle_has_a_way_and_the_body_none(begin) -> None:
     text = refused(begin, Goal(7.0, 7.0, 1.57), Reason.NO_GLOBAL_PATH, hall=bent_corridor(0.65))
-    assert "circle" in text
+    assert "a path exists for the inscribed radius 0.23 m, none for the footprint" in text
 
 
 def test_tight_bend_is_driven(begin) -> None:

@@ -10,7 +10,7 @@ import pytest
 from rackhand.services.sim.arm import servo as arm_servo
 from rackhand.services.sim.arm.servo import HOLD, POSITION, VELOCITY, JointLimits, Joints, Reference
 from rackhand.services.sim.simulation import Simulation
-from rackhand.services.sim.world.worldfile import load_world
+from rackhand.worlds.world_model import load_world
 from tests.sim.arm.numpy_servo import NumpyServo, let_torques
 from tests.sim.helpers import EXACT
 

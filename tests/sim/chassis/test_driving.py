@@ -13,8 +13,8 @@ from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.world import InjectFault, MoveRobot
 from rackhand.services.sim.chassis.drive import WheelTargets, approach, follow, is_fresh
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.chassis.profiles import load_profile
 from rackhand.services.sim.simulation import CONTROL_STEP_NS
+from rackhand.worlds.chassis_model import load_profile
 from tests.sim.helpers import STILL, coast, drive, make_simulation, make_world, newest
 
 

@@ -13,8 +13,8 @@ from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import InjectFault, Place
 from rackhand.services.sim.chassis.battery import BatteryModel
 from rackhand.services.sim.chassis.noise import NoiseSettings, PoseNoise, generator
-from rackhand.services.sim.chassis.profiles import BatteryKind
 from rackhand.services.sim.simulation import CONTROL_STEP_NS
+from rackhand.worlds.chassis_model import BatteryKind
 from tests.sim.helpers import coast, drive, make_simulation, make_world, newest
 
 WALL = {"wall_east": {"kind": "wall", "start": (3.1, -9), "end": (3.1, 9), "thickness": 0.2}}

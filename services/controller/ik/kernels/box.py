@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rackhand.runtime.compiled import compiled
+from rackhand.schemas.arrays import Array
 
 PROJECTED = 12  # steps of projected Newton, which seldom takes more than six
-
-Array = NDArray[np.float64]
 
 
 @compiled

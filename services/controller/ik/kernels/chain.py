@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rackhand.runtime.compiled import compiled
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik.kernels.box import cholesky
-
-Array = NDArray[np.float64]
 
 
 @compiled

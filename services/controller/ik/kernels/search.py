@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rackhand.runtime.compiled import compiled
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik.kernels.box import solve_box
 from rackhand.services.controller.ik.kernels.chain import forward, jacobian, lengths, normal_matrix, pose_error
-
-Array = NDArray[np.float64]
 
 
 @compiled

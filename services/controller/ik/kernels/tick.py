@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rackhand.runtime.compiled import compiled
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik.kernels.box import (
     acceleration_box,
     braked,
@@ -35,8 +35,6 @@ NONE, CHOLESKY, BOX, ROWS = 0, 1, 2, 3
 SETTLING = 10.0  # [1/s] how fast the arm draws near a posture that only is the nearest: it moves as the target does
 LOOKS = 12  # steps of `look_ahead`
 REACH = 0.01  # error left at rest [m, rad] from which the target is out of reach, and feeding its motion forward no use
-
-Array = NDArray[np.float64]
 
 
 @compiled

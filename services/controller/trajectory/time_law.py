@@ -1,4 +1,4 @@
-"""The phase s(t): what TOPP-RA plans, piecewise with constant s̈, and the filter that bounds its jerk."""
+"""The law s(t): what TOPP-RA plans, piecewise with constant s̈, and the filter that bounds its jerk."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from rackhand.runtime.compiled import compiled
-from rackhand.services.controller.trajectory.model import Array
+from rackhand.schemas.arrays import Array
 
 
 @dataclass(frozen=True)
 class Smoothing:
     """Two box filters of these lengths, seconds, the longer first.
 
-    s̈ changes by Δ no faster than Δ/``long`` and that rate itself is continuous. The phase comes to rest ``total`` later
+    s̈ changes by Δ no faster than Δ/``long`` and that rate itself is continuous. The law comes to rest ``total`` later
     than planned; it is delayed only, so the path is kept.
     """
 
@@ -50,7 +50,7 @@ class TimeLaw:
 
     @property
     def end(self) -> float:
-        """When the unfiltered phase comes to rest."""
+        """When the unfiltered law comes to rest."""
         return float(self.t[-1])
 
     def at(self, t: float) -> tuple[float, float]:
@@ -87,8 +87,8 @@ def at_rest(t: float, s: float) -> TimeLaw:
     return TimeLaw(np.array([t]), np.array([s]), np.zeros(1), np.zeros(1))
 
 
-def phase_from(start: float, s: Array, x: Array, u: Array, end: float, pause: float) -> TimeLaw:
-    """The phase that begins at time ``start`` and has ṡ² = x (N,), s̈ = u (N-1,) over s (N,), until s = ``end``.
+def time_law_from(start: float, s: Array, x: Array, u: Array, end: float, pause: float) -> TimeLaw:
+    """The law that begins at time ``start`` and has ṡ² = x (N,), s̈ = u (N-1,) over s (N,), until s = ``end``.
 
     Where the grid has a point twice, a corner, it stands still for ``pause``: as long as the filter remembers.
     """

@@ -1,4 +1,4 @@
-"""Kinds of chassis as data (``worlds/chassis/*.yaml``). Chassis frame: x forward, y left, z up, origin on the floor
+"""The models of ``chassis/<profile>.yaml``. Chassis frame: x forward, y left, z up, origin on the floor
 midway between the driven wheels. SI units.
 """
 
@@ -13,20 +13,21 @@ from pydantic import Field, model_validator
 
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import Actuation, ChassisLimits, ChassisModel, JackModel, LidarModel
-from rackhand.services.sim.errors import WorldFileError
-from rackhand.services.sim.world.worldfile import (
+from rackhand.worlds.data import (
     Data,
+    NonNegative,
     Point,
     PoseTuple,
     Positive,
     Size3,
-    World,
+    WorldFileError,
+    known_files,
     read_model,
-    worlds_root,
 )
+from rackhand.worlds.world_model import World
 
 
-class Body(Data):
+class ChassisBody(Data):
     """A box l×w×h whose underside is ``clearance`` above the floor; ``centre`` is its middle in the chassis frame."""
 
     size: Size3
@@ -35,7 +36,7 @@ class Body(Data):
     centre: Point = (0.0, 0.0)
 
 
-class Drive(Data):
+class WheelDrive(Data):
     """Two driven wheels. ``acceleration``, ``deceleration`` (m/s²) and ``angular_acceleration`` (rad/s²) are what the
     drive itself holds to. ``braking`` (m/s² of each wheel's rim) is how it stops when it must: as
     hard as the wheels' grip allows, and a little more. ``gain`` (N·m·s/rad) of the
@@ -86,7 +87,7 @@ class LidarKind(Data):
     view: Annotated[float, Field(gt=0, le=2 * math.pi + 1e-6)]
     rate: Positive = 12.5
     range_max: Positive = 25.0
-    noise: Annotated[float, Field(ge=0)] = 0.01
+    noise: NonNegative = 0.01
 
     @property
     def whole_circle(self) -> bool:
@@ -110,16 +111,18 @@ class BatteryKind(Data):
     voltage_full: Positive
     idle: Positive
     per_speed: Positive
-    jacking: Annotated[float, Field(ge=0)] = 0.0
+    jacking: NonNegative = 0.0
     charging: Positive
 
 
-class Profile(Data):
+class ChassisProfile(Data):
+    """One chassis, whole: what its driver publishes of it, and what only physics asks for."""
+
     name: str
-    body: Body
+    body: ChassisBody
     limits: ChassisLimits  # the drive itself goes further, so that it follows these
     actuation: Actuation
-    drive: Drive
+    drive: WheelDrive
     casters: Casters
     jack: JackKind | None = None
     lidar: LidarKind
@@ -127,7 +130,7 @@ class Profile(Data):
     charge_contact: Literal["none", "front", "back"] = "none"
 
     @model_validator(mode="after")
-    def _drive_reaches_its_limits(self) -> Profile:
+    def _drive_reaches_its_limits(self) -> ChassisProfile:
         able = {
             "forward": self.drive.max_linear,
             "reverse": self.drive.max_linear,
@@ -154,12 +157,32 @@ class Profile(Data):
         corners = np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]) * (length / 2, width / 2)
         return np.asarray(corners + np.array(self.body.centre), dtype=np.float64)
 
+    def describe(self) -> ChassisModel:
+        """What the driver publishes of this chassis."""
+        jack, lidar = self.jack, self.lidar
+        x, y, yaw = lidar.pose
+        return ChassisModel(
+            name=self.name,
+            footprint=self.footprint,
+            height=self.height,
+            wheel_separation=self.drive.wheel_separation,
+            wheel_radius=self.drive.wheel_radius,
+            limits=self.limits,
+            actuation=self.actuation,
+            lidar=LidarModel(pose=Pose2(x=x, y=y, yaw=yaw), **lidar.model_dump(exclude={"pose"})),
+            jack=None
+            if jack is None
+            else JackModel(stroke=jack.stroke, duration=jack.duration, max_load=jack.max_load),
+            charge_contact=self.charge_contact,
+        )
+
 
 def known_profiles() -> list[str]:
-    return sorted(path.stem for path in (worlds_root() / "chassis").glob("*.yaml"))
+    """The names of the chassis in the worlds folders."""
+    return list(known_files("chassis/*.yaml"))
 
 
-def load_profiles(world: World, override: str | None = None) -> dict[str, Profile]:
+def load_profiles(world: World, override: str | None = None) -> dict[str, ChassisProfile]:
     """Robot → its profile, or ``override`` for all of them. Raises ``WorldFileError``."""
     if override is not None:
         return dict.fromkeys(world.robots, load_profile(override))
@@ -172,26 +195,9 @@ def load_profiles(world: World, override: str | None = None) -> dict[str, Profil
     return profiles
 
 
-def load_profile(name: str) -> Profile:
+def load_profile(name: str) -> ChassisProfile:
     """The profile of that name. Raises ``WorldFileError``."""
-    if name not in known_profiles():
-        raise WorldFileError(f"chassis profile {name!r} is not known; known: {known_profiles()}")
-    return read_model(Profile, worlds_root() / "chassis" / f"{name}.yaml")
-
-
-def describe(profile: Profile) -> ChassisModel:
-    """What the driver publishes of a chassis."""
-    jack, lidar = profile.jack, profile.lidar
-    x, y, yaw = lidar.pose
-    return ChassisModel(
-        name=profile.name,
-        footprint=profile.footprint,
-        height=profile.height,
-        wheel_separation=profile.drive.wheel_separation,
-        wheel_radius=profile.drive.wheel_radius,
-        limits=profile.limits,
-        actuation=profile.actuation,
-        lidar=LidarModel(pose=Pose2(x=x, y=y, yaw=yaw), **lidar.model_dump(exclude={"pose"})),
-        jack=None if jack is None else JackModel(stroke=jack.stroke, duration=jack.duration, max_load=jack.max_load),
-        charge_contact=profile.charge_contact,
-    )
+    known = known_files("chassis/*.yaml")
+    if name not in known:
+        raise WorldFileError(f"chassis profile {name!r} is not known; known: {list(known)}")
+    return read_model(ChassisProfile, known[name])

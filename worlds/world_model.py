@@ -1,4 +1,4 @@
-"""Worlds as data: the models of ``world.yaml`` and its reading. Metres, radians, seconds; map frame.
+"""The models of ``world.yaml``. Metres, radians, seconds; map frame.
 
 Things are named mappings, so that an error reads ``movers.anna.motion.walk: …`` and a name exists once.
 """
@@ -8,40 +8,27 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from rackhand import worlds
-from rackhand.services.sim.errors import WorldFileError
+from rackhand.worlds.data import (
+    Data,
+    Name,
+    NonNegative,
+    Point,
+    PoseTuple,
+    Positive,
+    Size3,
+    WorldFileError,
+    read_model,
+    worlds_folders,
+)
 
-M = TypeVar("M", bound=BaseModel)
-Positive = Annotated[float, Field(gt=0)]
-Point = tuple[float, float]
-PoseTuple = tuple[float, float, float]
-Size3 = tuple[Positive, Positive, Positive]
 # The chassis' drivers work at instants of 20 ms, those of arms at instants of 2 ms and their servos at 1 kHz.
 CONTROL_STEP_NS = 20_000_000
 ARM_INSTANT_NS = 2_000_000
 ARM_TIMESTEP = 0.001
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
-
-
-class Data(BaseModel):
-    """The base of all that is read from a file: frozen, finite, closed to unknown fields."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _knows_all_keys(cls, value: Any) -> Any:
-        """Before pydantic says that a key is not permitted: say which ones are."""
-        if isinstance(value, dict) and cls.model_config["extra"] == "forbid":
-            unknown = [key for key in value if key not in cls.model_fields]
-            if unknown:
-                raise ValueError(f"unknown key {unknown[0]!r}; known: {sorted(cls.model_fields)}")
-        return value
 
 
 class Static(Data):
@@ -73,7 +60,7 @@ class Box(Static):
     kind: Literal["box"]
     pose: PoseTuple
     size: Size3
-    z: Annotated[float, Field(ge=0)] = 0.0
+    z: NonNegative = 0.0
 
 
 class Cylinder(Static):
@@ -109,7 +96,7 @@ class Item(Data):
     size: Size3
     pose: PoseTuple
     lies_on: str | None = None
-    z: Annotated[float, Field(ge=0)] = 0.0
+    z: NonNegative = 0.0
     mass: Positive = 0.5
     colour: tuple[float, float, float] = (0.72, 0.55, 0.36)
 
@@ -147,7 +134,7 @@ class Walk(Data):
     kind: Literal["walk"]
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
     speed: Positive = 1.0
-    wait: Annotated[float, Field(ge=0)] = 0.0
+    wait: NonNegative = 0.0
 
 
 class Stand(Data):
@@ -186,7 +173,7 @@ class ArmPlace(Data):
 
     kind: str
     pose: PoseTuple
-    mount: Annotated[float, Field(ge=0)] = 0.0
+    mount: NonNegative = 0.0
     home: tuple[float, ...] | None = None
     gripper: Literal["suction"] | None = None
 
@@ -195,7 +182,7 @@ class MapSettings(Data):
     """How the map is drawn. ``height``: of the plane that is cut; ``margin``: unknown rim round the floor."""
 
     resolution: Positive = 0.05
-    margin: Annotated[float, Field(ge=0)] = 0.5
+    margin: NonNegative = 0.5
     height: Positive = 0.18
 
 
@@ -221,16 +208,16 @@ class World(Data):
     description: str = ""
     seed: Annotated[int, Field(ge=0)] = 0
     bounds: tuple[float, float, float, float]
-    robots: dict[Name, RobotPlace] = {}
-    arms: dict[Name, ArmPlace] = {}
+    robots: dict[Name, RobotPlace] = Field(default_factory=dict)
+    arms: dict[Name, ArmPlace] = Field(default_factory=dict)
     timestep: Annotated[float, Field(gt=0, le=0.005)] = Field(default_factory=_default_timestep)
-    statics: dict[Name, StaticThing] = {}
-    rack_kinds: dict[Name, RackKind] = {}
-    racks: dict[Name, Rack] = {}
-    items: dict[Name, Item] = {}
-    chargers: dict[Name, Charger] = {}
-    movers: dict[Name, Mover] = {}
-    obstacles: dict[Name, Obstacle] = {}
+    statics: dict[Name, StaticThing] = Field(default_factory=dict)
+    rack_kinds: dict[Name, RackKind] = Field(default_factory=dict)
+    racks: dict[Name, Rack] = Field(default_factory=dict)
+    items: dict[Name, Item] = Field(default_factory=dict)
+    chargers: dict[Name, Charger] = Field(default_factory=dict)
+    movers: dict[Name, Mover] = Field(default_factory=dict)
+    obstacles: dict[Name, Obstacle] = Field(default_factory=dict)
     map: MapSettings = MapSettings()
     task: Task | None = None
 
@@ -293,45 +280,24 @@ class World(Data):
                 owner[name] = group
 
 
-def worlds_root() -> Path:
-    return Path(next(iter(worlds.__path__)))
+WORLD_FILE = "world.yaml"
 
 
 def known_worlds() -> list[str]:
-    """The names of the worlds that come with rackhand."""
-    return sorted(path.parent.name for path in worlds_root().glob("*/world.yaml"))
+    """The names of the worlds in the worlds folders."""
+    return sorted({path.parent.name for folder in worlds_folders() for path in folder.glob(f"*/{WORLD_FILE}")})
 
 
 def world_directory(name_or_path: str) -> Path:
     """The folder of a world given by name, or by the path of a folder. Raises ``WorldFileError``."""
-    for directory in (Path(name_or_path), worlds_root() / name_or_path):
-        if (directory / "world.yaml").is_file():
+    for directory in (Path(name_or_path), *(folder / name_or_path for folder in worlds_folders())):
+        if (directory / WORLD_FILE).is_file():
             return directory
     raise WorldFileError(
-        f"{name_or_path!r} is neither a world ({', '.join(known_worlds())}) nor a folder that holds a world.yaml"
+        f"{name_or_path!r} is neither a world ({', '.join(known_worlds())}) nor a folder that holds a {WORLD_FILE}"
     )
 
 
 def load_world(name_or_path: str) -> World:
     """Read a world by its name or folder. Raises ``WorldFileError`` that says file, place and what was expected."""
-    return read_model(World, world_directory(name_or_path) / "world.yaml")
-
-
-def read_model(model: type[M], path: Path) -> M:
-    """A file's YAML as ``model``. Raises ``WorldFileError``."""
-    try:
-        content = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise WorldFileError(f"{path}: cannot be read: {error}") from None
-    except yaml.YAMLError as error:
-        raise WorldFileError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
-    try:
-        return model.model_validate(content)
-    except ValidationError as error:
-        raise WorldFileError("\n".join(f"{path}: {_told(item)}" for item in error.errors())) from None
-
-
-def _told(item: Any) -> str:
-    """One validation error as ``movers.anna.motion.walk: unknown key 'spede'; known: …``."""
-    where = ".".join(str(part) for part in item["loc"]) or "the file"
-    return f"{where}: {item['msg'].removeprefix('Value error, ')}"
+    return read_model(World, world_directory(name_or_path) / WORLD_FILE)

@@ -1,0 +1,48 @@
+"""Taking part in a simulator's lockstep. A real robot has no simulator, and nothing of this happens."""
+
+from __future__ import annotations
+
+from rackhand.bus import Bus, CallTimeout, Refused, Unavailable
+from rackhand.bus.log import get_logger
+from rackhand.schemas import topics
+from rackhand.schemas.service import WORLD, ServiceId
+from rackhand.schemas.world import Join, WorldRequest
+
+log = get_logger(__name__)
+
+SIMULATOR = ServiceId("sim", WORLD)
+
+
+class LockstepParticipant:
+    """Asks a simulator, once in each of its runs, to wait for the commands of ``service``, one each ``period_ns``."""
+
+    def __init__(self, bus: Bus, service: ServiceId, period_ns: int) -> None:
+        self._bus = bus
+        self._join = Join(robot=service.robot, service=service.service, period_ns=period_ns)
+        self._simulated = False
+        self._run: str | None = None
+        self._due = False
+
+    def presence(self, service: ServiceId, alive: bool) -> None:
+        if service == SIMULATOR:
+            self._simulated = self._due = alive
+            if not alive:
+                self._run = None
+
+    def clock(self, run: str) -> None:
+        """The clock of a run was received: participants of a former run have to join again."""
+        if self._run not in (None, run):
+            self._due = self._simulated
+        self._run = run
+
+    def join_if_due(self) -> None:
+        if not self._due:
+            return
+        try:
+            self._bus.call(topics.WORLD_CONTROL, WorldRequest(request=self._join), timeout=2.0)
+        except Refused as refused:
+            log.error("the simulator refused to wait for this service", code=refused.code, text=refused.text)
+        except (Unavailable, CallTimeout) as error:
+            log.info("the simulator does not answer yet; asking again", error=str(error))
+            return
+        self._due = False
