@@ -71,15 +71,16 @@ def _rules(name: str, roles: Sequence[Role]) -> list[Json]:
     served = [query for query in topics.QUERIES if query.server in roles]
     asked = [query for query in topics.QUERIES if set(query.callers) & set(roles)]
     tokens = [] if is_node else [f"rackhand/*/alive/{name}"]
+    caches = [*_history(published), *_latched(published)]
     rules = [
         _rule(name, "publish", "in", ["put", "delete"], _keys(published)),
         _rule(name, "publish", "out", ["declare_subscriber"], _keys(published)),
         _rule(name, "subscribe", "in", ["declare_subscriber"], _keys(read)),
         _rule(name, "subscribe", "out", ["put", "delete"], _keys(read)),
-        _rule(name, "answer", "in", ["declare_queryable", "reply"], [*_keys(served), *_history(published)]),
+        _rule(name, "answer", "in", ["declare_queryable", "reply"], [*_keys(served), *caches]),
         _rule(name, "answer", "out", ["query"], [*_keys(served), *_history(published)]),
         _rule(name, "ask", "in", ["query"], [*_keys(asked), *_history(read)]),
-        _rule(name, "ask", "out", ["declare_queryable", "reply"], [*_keys(asked), *_history(read)]),
+        _rule(name, "ask", "out", ["declare_queryable", "reply"], [*_keys(asked), *_history(read), *_latched(read)]),
         _rule(name, "announce", "in", ["liveliness_token"], [*tokens, *_history(published)]),
         _rule(name, "watch", "in", ["declare_liveliness_subscriber", "liveliness_query"],
               [ALIVE_EVERYWHERE, *_history(read)]),
@@ -100,6 +101,11 @@ def _rule(process: str, what: str, direction: str, messages: list[str], keys: li
 
 def _keys(rows: Iterable[Topic[Any] | Query[Any, Any]]) -> list[str]:
     return [row.key_for("*") for row in rows]
+
+
+def _latched(rows: Iterable[Topic[Any]]) -> list[str]:
+    """The keys of latched samples, which are replies when a late subscriber asks for the last one."""
+    return [row.key_for("*") for row in rows if row.qos is Qos.LATCHED]
 
 
 def _history(rows: Iterable[Topic[Any]]) -> list[str]:
