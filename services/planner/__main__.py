@@ -15,14 +15,13 @@ from rackhand.runtime.priority import PLANNER, set_niceness
 from rackhand.schemas.service import ServiceId
 from rackhand.services.planner.behaviors.navigator import ChassisNavigator
 from rackhand.services.planner.chassis import Chassis, ChassisSettings
-from rackhand.services.planner.database import Database
 from rackhand.services.planner.errors import StoreError
 from rackhand.services.planner.map.directory import MapDirectoryError, read_map_directory
-from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import RemoteLimits
-from rackhand.services.planner.moves.records import HISTORY_LIMIT, MoveStore
+from rackhand.services.planner.moves.records import HISTORY_LIMIT
 from rackhand.services.planner.service import PlannerService
 from rackhand.services.planner.settings import NavigationSettings, SpeedCaps
+from rackhand.services.planner.store import PlannerStore
 
 log = get_logger(__name__)
 
@@ -71,29 +70,28 @@ def main(
     )
     path = store or Path("var") / robot / "planner.sqlite"
     try:
-        with Database(path, robot) as database:
-            moves, maps = _open(database, history, map_directory)
+        with PlannerStore(path, robot, history) as kept:
+            _prepare(kept, map_directory)
             navigator = ChassisNavigator(NavigationSettings(caps=caps))
             navigator.warm_up()
-            chassis = Chassis(navigator, moves, maps, ChassisSettings(remote=remote))
+            chassis = Chassis(navigator, kept.moves, kept.maps, ChassisSettings(remote=remote))
             with Bus(ServiceId("planner", robot)) as bus:
                 bus.handle_signals()
                 freeze_gc()
-                PlannerService(bus, robot, chassis).run()
+                PlannerService(bus, robot, chassis, kept).run()
     except (StoreError, MapDirectoryError) as error:
         typer.echo(f"planner of {robot}: {error}", err=True)
         raise typer.Exit(2) from None
 
 
-def _open(database: Database, history: int, map_directory: Path | None) -> tuple[MoveStore, MapStore]:
-    moves, maps = MoveStore(database, history), MapStore(database)
+def _prepare(store: PlannerStore, map_directory: Path | None) -> None:
+    moves, maps = store.moves, store.maps
     for move in moves.closed:
         log.warning("a move was running when the planner ended last time", move=move.id, now=move.state)
     if map_directory is not None and maps.import_directory(read_map_directory(map_directory)):
         log.info("map stored and selected", directory=str(map_directory), id=maps.current and maps.current.id)
     if maps.current is None:
         log.warning("no map is in use; moves will fail until one is selected")
-    return moves, maps
 
 
 if __name__ == "__main__":

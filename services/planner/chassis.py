@@ -130,6 +130,15 @@ class Chassis:
         self._driver_fault = fault
         self._report()
 
+    def store_failed(self, move_id: int | None, maps_undone: bool, why: str) -> None:
+        """A change could not be written: a move that is not on disk ends, maps are again as they are on disk."""
+        if move_id is not None and self._book.current is not None and self._book.current.id == move_id:
+            self._fail(MoveFailReason.INTERNAL_ERROR, f"the move could not be stored: {why}")
+        if maps_undone:
+            self._maps.load()
+            self._reports.map(self._stamp, self._maps.current)
+        self._report()
+
     def take_publications(self) -> list[Publication]:
         return self._reports.take()
 

@@ -24,6 +24,16 @@ SIM = ServiceId("sim", "world")
 MS = 1_000_000
 
 
+class AtOnce:
+    """A store whose changes are on disk when they are made."""
+
+    submitted, path = 0, ""
+
+    def on_settled(self, _: Any) -> None: ...
+
+    def settle(self, settled: Any) -> None: ...
+
+
 @pytest.fixture
 def bus() -> ListBus:
     return ListBus()
@@ -36,7 +46,7 @@ def cell(make_cell: Callable[..., Cell]) -> Cell:
 
 def run(bus: ListBus, cell: Cell, *batches: list[Any]) -> None:
     bus.batches = [list(batch) for batch in batches]
-    PlannerService(bus, "amr1", cell.chassis, lambda: bus.now).run()  # type: ignore[arg-type]
+    PlannerService(bus, "amr1", cell.chassis, AtOnce(), lambda: bus.now).run()  # type: ignore[arg-type]
 
 
 def sample(topic: Any, message: Message) -> Sample:

@@ -60,7 +60,7 @@ class MapService:
                 return MapReply(data=self._store.create(created, now))
             case ReplaceMap(id=map_id, map=whole):
                 check_map(whole)
-                return MapReply(data=self._store.replace(map_id, whole, now))
+                return MapReply(data=self._store.overwrite(map_id, whole, now))
             case PatchMap() as patch:
                 if patch.overlays is not None:
                     check_overlays(patch.overlays)

@@ -16,7 +16,7 @@ EndState = Literal["succeeded", "failed", "cancelled"]
 
 
 class MoveRecords(Protocol):
-    """Where moves are kept. What a method has returned from survives the process."""
+    """Where moves are kept, in memory and on disk. None of these waits for the disk; see ``PlannerService``."""
 
     def add(self, request: MoveCreate, now: int, ended: Move | None) -> Move:
         """Keep a new running move under a new id and, in the same step, the end of the one it replaces."""
