@@ -70,7 +70,7 @@ def _rules(name: str, roles: Sequence[Role]) -> list[Json]:
     read = topics.TOPICS if is_node else read_by(*roles)
     served = [query for query in topics.QUERIES if query.server in roles]
     asked = [query for query in topics.QUERIES if set(query.callers) & set(roles)]
-    tokens = [] if is_node else [f"rackhand/*/alive/{name}"]
+    tokens = [] if is_node else [f"rackhand/*/alive/{known}" for known in dict.fromkeys((name, *roles))]
     caches = [*_history(published), *_latched(published)]
     rules = [
         _rule(name, "publish", "in", ["put", "delete"], _keys(published)),

@@ -49,10 +49,10 @@ def test_readers_and_callers_are_those_of_the_table_and_nodes_read_everything() 
     assert keys("node", "put") == keys("node", "liveliness_token") == set()
 
 
-def test_a_service_announces_only_itself() -> None:
+def test_a_service_announces_only_itself_and_its_roles() -> None:
     for process in set(PROCESSES) - {"node"}:
         alive = {key for key in keys(process, "liveliness_token") if "/alive/" in key}
-        assert alive == {f"rackhand/*/alive/{process}"}
+        assert alive == {f"rackhand/*/alive/{name}" for name in (process, *PROCESSES[process])}
 
 
 @pytest.fixture

@@ -106,7 +106,7 @@ def test_a_map_is_overwritten_whole_and_keeps_what_names_it(cell: Cell) -> None:
 
 def test_an_overwritten_map_survives_a_restart_with_its_image(make_cell: Callable[..., Cell], tmp_path: Path) -> None:
     cell = make_cell(path=tmp_path / "s.sqlite")
-    written = data_of(cell, ReplaceMap(id=1, map=a_map("whole", resolution=0.1)))
+    written = data_of(cell, ReplaceMap(id=1, map=a_map("whole").model_copy(update={"png": png(size=(7, 5))})))
     cell.database.close()
     assert data_of(make_cell(path=tmp_path / "s.sqlite", with_map=False), GetMap(id=1)) == written
 
