@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -9,6 +10,89 @@ from pydantic import Field
 from rackhand.schemas.base import Message, Stamp, Vec2
 
 Overlays = dict[str, Any]
+"""A GeoJSON FeatureCollection. ``properties`` of a feature hold its type code under ``type`` (Point), ``lineType``
+(LineString) or ``regionType`` (Polygon), as a number or as a string, and ``yaw`` in degrees."""
+
+
+class PointType(IntEnum):
+    """Points of interest: ``properties.type`` of a Point."""
+
+    FAST_FOOD = 1
+    DRINKS = 2
+    OTHER = 3
+    COMPANY = 4
+    RESIDENCE = 5
+    ELEVATOR = 6
+    GATE = 7
+    AUTO_DOOR = 8
+    CHARGER = 9
+    STANDBY = 10
+    TABLE = 11
+    PRIVATE_ROOM = 12
+    BAR = 13
+    PACKING = 14
+    OUTLET = 15
+    LOBBY = 16
+    RESTAURANT = 17
+    STORE = 18
+    RECEPTION = 19
+    HOUSE_NUMBER = 20
+    ROOM = 21
+    DESK = 22
+    CABINET = 23
+    WAYPOINT = 25
+    DISINFECTION = 26
+    EXCHANGE = 27
+    ELEVATOR_WAITING = 28
+    DISPATCH = 29
+    DISTRIBUTION = 30
+    PICK_UP_MATERIAL = 31
+    SEND_MATERIAL = 32
+    RECLAIM = 33
+    RACK = 34
+    DOCKING = 36
+    BARCODE = 37
+    LANDMARK = 39
+
+
+class LineType(IntEnum):
+    """``properties.lineType`` of a LineString."""
+
+    VIRTUAL_TRACK = 1
+    VIRTUAL_WALL = 2
+    GUIDE_LINE = 3
+    RACK_PATROL = 4
+
+
+class RegionType(IntEnum):
+    """``properties.regionType`` of a Polygon."""
+
+    NO_GO = 1
+    SLOW = 2
+    ELEVATOR = 3
+    GATE = 4
+    AUTO_DOOR = 5
+    DROP_RISK = 6
+    SLOPE = 7
+    LIDAR_DECEITFUL = 8
+    NARROW = 9
+    EXCLUSIVE = 10
+    RESTAURANT = 11
+    PASSABLE = 12
+    CHARGING = 13
+    LONG_TUNNEL_EXIT = 14
+    DEPTH_RESTRICTED = 15
+    KEEP_TO_CENTRE_LINE = 16
+    RACK_ZONE = 17
+
+
+def overlay_code(value: object) -> int | None:
+    """A type code as clients write it, 17 or "17"; None for anything else."""
+    if isinstance(value, str) and value.strip().isdecimal() and len(value) < 10:
+        return int(value)
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    return value if isinstance(value, int) and not isinstance(value, bool) else None
 
 
 class MapSummary(Message):

@@ -11,19 +11,21 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Literal
 
+from rackhand.schemas.arrays import Array
 from rackhand.schemas.base import Message
 from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.motion import ArmState, Expected, MotionStatus, RobotConfiguration
 from rackhand.services.controller import ik
 from rackhand.services.controller.access.streams import StreamGuard, StreamSample
-from rackhand.services.controller.access.types import ContinueMotion, Order, StopMotion
+from rackhand.services.controller.access.types import ContinueMotion, MotionEffect, StopMotion
 from rackhand.services.controller.commands.spec import GrantedCommand, Result
-from rackhand.services.controller.motion.executor import CommandMode, MotionExecutor, Reference
+from rackhand.services.controller.motion.executor import CommandMode, MotionExecutor
 from rackhand.services.controller.motion.meter import Stopwatch
 from rackhand.services.controller.motion.plan_worker import Answered, Append, PathPlanner
 from rackhand.services.controller.motion.profile import configuration
+from rackhand.services.controller.motion.signal import SignalReference
 from rackhand.services.controller.motion.status import Observer, StatusCodes
-from rackhand.services.controller.trajectory.model import Array, PathRefused, Pose
+from rackhand.services.controller.trajectory.model import PathRefused, TcpPose
 
 NO_DRIVER = "the arm driver is not connected"
 STANDSTILL = 0.05  # rad/s measured
@@ -52,7 +54,8 @@ class ArmControl:
         self.reset(())
 
     def reset(self, codes: tuple[CrfCode, ...]) -> None:
-        """There is no driver: the next tick begins anew, with ``codes`` in the status until then."""
+        """The driver is disconnected: the next tick starts from its arm state. Until then the status shows
+        ``codes``."""
         self._guard = StreamGuard()
         self._observer = Observer(self.motion.kinematics)
         self.codes = StatusCodes()
@@ -80,7 +83,7 @@ class ArmControl:
         """Whether the stop condition for low manipulability is on, and met."""
         return CrfCode.LowManipulability in self.motion.tuning.stops_on and self.motion.low_manipulability
 
-    def tool_pose(self) -> Pose:
+    def tool_pose(self) -> TcpPose:
         """Of the tool as commanded, in the base frame."""
         return self.motion.kinematics.forward(self.motion.q)
 
@@ -109,7 +112,7 @@ class ArmControl:
         self.plan()
         return None
 
-    def follow(self, reference: Reference, sample: StreamSample, name: str) -> Result:
+    def follow(self, reference: SignalReference, sample: StreamSample, name: str) -> Result:
         """Follows a velocity or torque from now on, unless ``sample`` is stale. Paths that are being planned are
         dropped in favour of ``name``."""
         if not self.connected:
@@ -142,10 +145,10 @@ class ArmControl:
         self._begin_motion()
         return Result.done()
 
-    def apply(self, order: Order) -> None:
+    def apply(self, effect: MotionEffect) -> None:
         """Carries out what priority access decides about motion."""
-        self._serial = max(self._serial, order.serial)
-        match order:
+        self._serial = max(self._serial, effect.serial)
+        match effect:
             case ContinueMotion():
                 self.motion.resume()
             case StopMotion(kind=kind, clear=clear, reason=reason):
@@ -182,7 +185,7 @@ class ArmControl:
     def command(self, state: ArmState, late: frozenset[CrfCode]) -> tuple[CommandMode, list[float]]:
         """Mode and values of the command that answers ``state``."""
         if self._guard.expired(self.now):
-            self.motion.silence()
+            self.motion.end_reference()
         self._collect(tick=True, lockstep=self._lockstep)
         mode, values = self.motion.tick(self._time(), state)
         codes = self.motion.codes | late

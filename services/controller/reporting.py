@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from rackhand.schemas.arrays import Array
 from rackhand.schemas.motion import ArmState
 from rackhand.services.controller.arm_control import ArmControl
 from rackhand.services.controller.motion.loop_watch import LoopWatch
 from rackhand.services.controller.motion.meter import Stopwatch
 from rackhand.services.controller.outputs import Outbox
 from rackhand.services.controller.protocol.dispatch import Dispatcher
-from rackhand.services.controller.trajectory.model import Array
 
 STATUS_PERIOD_NS = 40_000_000
 

@@ -8,12 +8,12 @@ from rackhand.schemas import crf_requests as crf
 from rackhand.schemas.base import Message
 from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.motion import MotionEvent
-from rackhand.services.controller.access.types import StopMotion
+from rackhand.services.controller.access.types import Effects, StopMotion
 from rackhand.services.controller.arm_control import ArmControl
 from rackhand.services.controller.commands.spec import CommandTable, GrantedCommand, OnArm
 from rackhand.services.controller.outputs import Outbox
 from rackhand.services.controller.protocol.answers import Answer, encode, error
-from rackhand.services.controller.protocol.dispatch import Dispatcher, DispatchResult
+from rackhand.services.controller.protocol.dispatch import Dispatcher
 from rackhand.services.controller.protocol.parse import Parsed
 from rackhand.services.controller.protocol.reading import LONG, ParseQueue, Reading
 
@@ -21,7 +21,7 @@ _FAILED = "the controller failed to answer; its log says more"
 
 
 class RequestHandler:
-    """Executes requests on ``arm``. ``dispatcher`` is replaced when access begins anew."""
+    """Executes requests on ``arm``. ``dispatcher`` is replaced when priority access is reset."""
 
     def __init__(
         self, dispatcher: Dispatcher, commands: CommandTable, arm: ArmControl, reader: Executor, outbox: Outbox
@@ -75,17 +75,17 @@ class RequestHandler:
                 self._outbox.output.errors.append(failure)
                 self._reply(reading.ticket, error(CrfCode.InternalServerError, _FAILED))
 
-    def apply(self, result: DispatchResult) -> None:
+    def apply(self, effects: Effects) -> None:
         """Carries out what priority access has decided, and publishes its events."""
-        for order in result.orders:
-            if isinstance(order, StopMotion):
+        for effect in effects.motion:
+            if isinstance(effect, StopMotion):
                 self._reading.overtake()
-            self._arm.apply(order)
+            self._arm.apply(effect)
         output = self._outbox.output
-        for event in result.events:
+        for event in effects.events:
             to = self.dispatcher.recipient(event.to)
             output.events.append(MotionEvent(stamp=self._arm.now, name=event.name, to=to, info=event.info))
-        output.audit.extend(result.audit)
+        output.audit.extend(effects.audit)
 
     def finish(self, granted: GrantedCommand, message: Message, text: str = "") -> None:
         """Answers a granted command, and the retries that came meanwhile."""

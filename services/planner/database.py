@@ -1,16 +1,19 @@
-"""The planner's one SQLite file: opened by one process at a time, checked before it is trusted."""
+"""The planner's one SQLite file: opened by one process at a time, checked before it is trusted, used by one thread."""
 
 from __future__ import annotations
 
 import fcntl
 import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
+from typing import TypeVar
 
 from rackhand.services.planner.errors import StoreError
+
+T = TypeVar("T")
 
 APPLICATION_ID = 0x524B4850  # "RKHP": SQLite's own place for "whose file is this"
 SCHEMA_VERSION = 1
@@ -29,8 +32,10 @@ CREATE TABLE current_map (slot INTEGER PRIMARY KEY CHECK (slot = 1), record TEXT
 class Database:
     """An open store file. Raises ``StoreError`` for a file that is not a usable store of this robot.
 
-    A second process is kept out by a lock on ``<file>.lock``, which ends with its holder however that ends: two
-    planners on one file would each close the other's running move.
+    It belongs to the thread that opened it: a running planner opens it in a ``runtime.store.StoreThread``. By itself it
+    is a ``Store`` that does each job at once, for tests and tools. A second process is kept out by a lock on
+    ``<file>.lock``, which ends with its holder however that ends: two planners on one file would each close the other's
+    running move.
     """
 
     def __init__(self, path: Path, robot: str) -> None:
@@ -98,6 +103,19 @@ class Database:
             if self.connection.in_transaction:
                 self.connection.execute("ROLLBACK")
             raise
+
+    def call(self, job: Callable[[Database], T]) -> T:
+        return job(self)
+
+    def submit(self, job: Callable[[Database], object], keep: bool = False) -> int:  # noqa: ARG002 - it is done at once
+        """Returns 0: what is done by now has no number to wait for."""
+        job(self)
+        return 0
+
+    def last_id(self, table: str) -> int:
+        """The highest id that was ever used in an AUTOINCREMENT table."""
+        row = self.connection.execute("SELECT seq FROM sqlite_sequence WHERE name = ?", (table,)).fetchone()
+        return 0 if row is None else int(row[0])
 
     def get(self, key: str) -> str | None:
         """A small value kept under a name."""

@@ -4,49 +4,62 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar
 
 from rackhand.bus import Bus, Request
 from rackhand.bus.log import get_logger
 from rackhand.runtime.control_loop import ControlLoop, LoopSettings
+from rackhand.runtime.outbox import Outbox
+from rackhand.runtime.store import Settled
 from rackhand.schemas import topics
 from rackhand.schemas.base import Message
 from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.moves import MoveEvent
-from rackhand.schemas.refusal import RequestRefused
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import ServiceId
-from rackhand.schemas.topics import Query
+from rackhand.schemas.topics import Qos, Query
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.chassis import PERIOD_NS, Chassis
+from rackhand.services.planner.store import PlannerStore
 
 log = get_logger(__name__)
 
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
-MEASUREMENTS = (topics.ODOMETRY, topics.SCAN, topics.POSE, topics.JACK, topics.BATTERY, topics.CONTACTS)
-PUBLICATIONS = (
-    topics.PLANNING_STATE,
-    topics.PATH,
-    topics.MOVE_EVENT,
-    topics.MAP,
-    topics.CHASSIS_STATUS,
-    topics.COSTMAP,
-)
+SUBSCRIPTIONS = topics.read_by("planner", owner="chassis")
+PUBLICATIONS = tuple(topic for topic in topics.published_by("planner") if topic is not topics.COMMAND)
 
 
 class PlannerService:
-    """Gives the control loop the core of one chassis. ``run`` returns when the bus stops."""
+    """Gives the control loop the core of one chassis. ``run`` returns when the bus stops.
+
+    Requests take effect at once, so that a run in lockstep does not depend on the disk. What is said of them, replies
+    and publications, waits in an outbox until it is on disk: ``kill -9`` loses nothing that was said. A request whose
+    change cannot be written is refused, and the change undone.
+    """
 
     busy = False
 
-    def __init__(self, bus: Bus, robot: str, chassis: Chassis, monotonic: Callable[[], float] = time.monotonic) -> None:
-        self._chassis = chassis
+    def __init__(
+        self,
+        bus: Bus,
+        robot: str,
+        chassis: Chassis,
+        store: PlannerStore,
+        monotonic: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._chassis, self._store = chassis, store
+        self._outbox = Outbox(lambda: store.submitted)
         settings = LoopSettings(ServiceId("planner", robot), "the chassis driver", PERIOD_NS)
         self._loop = ControlLoop(bus, self, topics.COMMAND, settings, monotonic)
-        for topic in MEASUREMENTS:
-            self._loop.measure(topic, chassis.on_message, triggers=topic is topics.ODOMETRY)
-        self._loop.on(topics.CHASSIS_MODEL, chassis.on_message)
+        store.on_settled(self._loop.inbox.poster(self._settle))
+        for topic in SUBSCRIPTIONS:
+            if topic.qos is Qos.LATCHED:
+                self._loop.on(topic, chassis.on_message)
+            else:
+                self._loop.measure(topic, chassis.on_message, triggers=topic is topics.ODOMETRY)
         self._serve(topics.MOVES, chassis.moves)
         self._serve(topics.MAPS, chassis.maps)
         self._serve(topics.CHASSIS_REQUEST, chassis.chassis)
@@ -57,16 +70,29 @@ class PlannerService:
         """What a request caused is published before it is answered: a client that acts on the answer finds it so."""
 
         def serve(request: Request[Q, R]) -> None:
+            since = self._store.submitted
             try:
                 reply = answer(request.message)
             except RequestRefused as refused:
+                code, text = refused.code, refused.text
                 self.publish()
-                request.refuse(refused.code, refused.text)
+                self._outbox.put(lambda: request.refuse(code, text))
             else:
                 self.publish()
-                request.reply(reply)
+                self._outbox.put(
+                    lambda: request.reply(reply),
+                    lambda why: request.refuse(RefusalCode.UNAVAILABLE, f"not stored, and undone: {why}"),
+                    since,
+                )
 
         self._loop.on_request(query, serve)
+
+    def _settle(self, settled: Settled) -> None:
+        failed = self._store.settle(settled)
+        if failed is not None:
+            log.error("the store cannot be written", error=failed.why, store=self._store.path)
+            self._chassis.store_failed(failed.move_id, failed.maps_undone, failed.why)
+        self._outbox.settle(settled)
 
     # -- the loop's core ---------------------------------------------------------------------------------------------
 
@@ -77,8 +103,8 @@ class PlannerService:
     def on_clock(self, clock: Clock) -> None:
         self._chassis.on_clock(clock)
 
-    def tick(self, lockstep: bool) -> ChassisCommand:  # noqa: ARG002 - nothing is planned beside the tick
-        return self._chassis.tick()
+    def tick(self, lockstep: bool) -> ChassisCommand:
+        return self._chassis.tick(lockstep)
 
     def tick_failed(self, error: Exception) -> ChassisCommand:
         return self._chassis.fail_internally(error)
@@ -98,4 +124,4 @@ class PlannerService:
             if isinstance(publication.message, MoveEvent):
                 event = publication.message
                 log.info(f"move {event.move_id} {event.event}", text=event.text)
-            self._publishers[publication.topic.name].put(publication.message)
+            self._outbox.put(partial(self._publishers[publication.topic.name].put, publication.message))

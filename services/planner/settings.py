@@ -8,6 +8,9 @@ from typing import NamedTuple
 
 from rackhand.schemas.chassis import Actuation, ChassisModel
 
+# Shares of the limits of a chassis that a foreseen stop uses.
+FORESEEN_ACC, FORESEEN_DECEL = 0.8, 0.25
+
 
 class Limits(NamedTuple):
     """What may be commanded: m/s, rad/s, m/s², rad/s². Decelerations are negative, as in the API.
@@ -21,6 +24,17 @@ class Limits(NamedTuple):
     max_forward_decel: float = -2.0
     max_angular_velocity: float = 1.2
     max_angular_acc: float = 1.5
+
+    def within(self, other: Limits) -> Limits:
+        """The tighter of both, value by value."""
+        return Limits(
+            max_forward_velocity=min(self.max_forward_velocity, other.max_forward_velocity),
+            max_backward_velocity=max(self.max_backward_velocity, other.max_backward_velocity),
+            max_forward_acc=min(self.max_forward_acc, other.max_forward_acc),
+            max_forward_decel=max(self.max_forward_decel, other.max_forward_decel),
+            max_angular_velocity=min(self.max_angular_velocity, other.max_angular_velocity),
+            max_angular_acc=min(self.max_angular_acc, other.max_angular_acc),
+        )
 
 
 @dataclass(frozen=True)
@@ -120,7 +134,6 @@ class NavigationSettings:
     scan_timeout: float = 1.0
     scan_fail_after: float = 5.0
     scan_min_valid_fraction: float = 0.05
-    pose_timeout: float = 0.5
     forget_after: float = 300.0
     forget_mover_after: float = 2.0
 
@@ -173,7 +186,10 @@ class NavigationSettings:
     rotate_timeout: float = 30.0
 
     def for_chassis(self, model: ChassisModel) -> NavigationSettings:
-        """These settings with the limits and the actuation of a chassis, within ``caps``."""
+        """These settings with the limits and the actuation of a chassis, within ``caps``.
+
+        A stop that is foreseen takes a quarter of the braking that is there, so that the rest is left for surprises.
+        """
         limits = model.limits
         control = Limits(
             max_forward_velocity=min(limits.forward, self.caps.max_forward_velocity),
@@ -183,4 +199,5 @@ class NavigationSettings:
             max_angular_velocity=min(limits.angular, self.caps.max_angular_velocity),
             max_angular_acc=limits.angular_acceleration,
         )
-        return replace(self, control=control, actuation=model.actuation)
+        approach = min(FORESEEN_ACC * limits.acceleration, FORESEEN_DECEL * limits.deceleration)
+        return replace(self, control=control, actuation=model.actuation, approach_decel=approach)

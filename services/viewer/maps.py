@@ -10,13 +10,11 @@ import numpy as np
 import rerun as rr
 from PIL import Image
 
-from rackhand.schemas.maps import MapData, Overlays
+from rackhand.schemas.maps import LineType, MapData, Overlays, RegionType, overlay_code
 from rackhand.services.viewer import colours
 from rackhand.services.viewer.items import Drawing
 
 MAP_Z, OVERLAY_Z = 0.004, 0.02
-VIRTUAL_WALL = "2"
-NO_GO, SLOW_ZONE = "1", "2"
 
 
 def map_drawings(robot: str, data: MapData | None) -> Iterable[Drawing]:
@@ -66,6 +64,7 @@ def _lines(geometry: dict[str, Any]) -> list[Any]:
 
 
 def _shade(properties: dict[str, Any]) -> tuple[int, int, int, int]:
-    if str(properties.get("lineType")) == VIRTUAL_WALL or str(properties.get("regionType")) == NO_GO:
+    line, region = overlay_code(properties.get("lineType")), overlay_code(properties.get("regionType"))
+    if line == LineType.VIRTUAL_WALL or region == RegionType.NO_GO:
         return colours.WALL
-    return colours.SLOW if str(properties.get("regionType")) == SLOW_ZONE else colours.AREA
+    return colours.SLOW if region == RegionType.SLOW else colours.AREA

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rackhand.schemas.arrays import Array
 from rackhand.schemas.motion import (
     ArmCommand,
     ArmState,
@@ -22,7 +23,6 @@ from rackhand.services.controller.commands.spec import CommandTable
 from rackhand.services.controller.commands.table import COMMANDS
 from rackhand.services.controller.controller import Controller
 from rackhand.services.controller.motion.meter import Stopwatch, no_stopwatch
-from rackhand.services.controller.trajectory.model import Array
 from rackhand.services.controller.warm_up import Inline
 
 PERIOD_NS = 4_000_000

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller import ik
-from rackhand.services.controller.trajectory.model import Array
 from tests.controller.cell import FR3, PERIOD_NS, UR5E, PerfectArm
 
 OUT = {

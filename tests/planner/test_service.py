@@ -16,12 +16,22 @@ from rackhand.schemas.moves import CreateMove, GetMove, MoveCreate, MoveRequest
 from rackhand.schemas.service import ServiceId
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.service import PlannerService
-from tests.planner.fakes import FORWARD, Cell
+from tests.planner.fakes import FORWARD, Cell, free_scan
 from tests.runtime.list_bus import Asked, ListBus
 
 DRIVER = ServiceId("driver", "amr1")
 SIM = ServiceId("sim", "world")
 MS = 1_000_000
+
+
+class AtOnce:
+    """A store whose changes are on disk when they are made."""
+
+    submitted, path = 0, ""
+
+    def on_settled(self, _: Any) -> None: ...
+
+    def settle(self, settled: Any) -> None: ...
 
 
 @pytest.fixture
@@ -36,7 +46,7 @@ def cell(make_cell: Callable[..., Cell]) -> Cell:
 
 def run(bus: ListBus, cell: Cell, *batches: list[Any]) -> None:
     bus.batches = [list(batch) for batch in batches]
-    PlannerService(bus, "amr1", cell.chassis, lambda: bus.now).run()  # type: ignore[arg-type]
+    PlannerService(bus, "amr1", cell.chassis, AtOnce(), lambda: bus.now).run()  # type: ignore[arg-type]
 
 
 def sample(topic: Any, message: Message) -> Sample:
@@ -59,11 +69,23 @@ def clock(cell: Cell, milliseconds: int, run: str = "first", **more: Any) -> Sam
 
 
 def instant(cell: Cell, milliseconds: int, run: str = "first") -> list[Any]:
-    return [pose(milliseconds), odometry(milliseconds), clock(cell, milliseconds, run)]
+    return [
+        pose(milliseconds),
+        sample(topics.SCAN, free_scan(milliseconds * MS)),
+        odometry(milliseconds),
+        clock(cell, milliseconds, run),
+    ]
 
 
 def create(**fields: Any) -> Asked:
     return Asked(topics.MOVES, MoveRequest(request=CreateMove(move=MoveCreate(target_x=1.0, target_y=1.0, **fields))))
+
+
+def test_it_reads_and_serves_what_the_topic_table_says(bus: ListBus, cell: Cell) -> None:
+    run(bus, cell, [])
+    assert {row.name for row in bus.subscribed} == {
+        row.name for row in (*topics.read_by("planner"), *topics.served_by("planner"))
+    }
 
 
 def test_each_period_gets_one_answer_and_a_repeated_instant_the_same(bus: ListBus, cell: Cell) -> None:
@@ -117,7 +139,7 @@ def test_an_error_in_a_request_is_answered_and_the_next_one_works(
 
 
 def test_an_error_in_a_tick_fails_the_move_and_the_answers_go_on(bus: ListBus, cell: Cell) -> None:
-    cell.navigator.ticks = [ZeroDivisionError("by zero")]
+    cell.script.ticks = [ZeroDivisionError("by zero")]
     first, second = create(), create()
     run(bus, cell, [Presence(DRIVER, True)], instant(cell, 0), [first], instant(cell, 40), [second], instant(cell, 80))
     assert [command.twist for command in bus.published(topics.COMMAND)] == [STANDSTILL, STANDSTILL, FORWARD]
@@ -125,8 +147,8 @@ def test_an_error_in_a_tick_fails_the_move_and_the_answers_go_on(bus: ListBus, c
 
 
 def test_a_simulator_is_joined_once_the_footprint_is_known(bus: ListBus, cell: Cell) -> None:
-    model = sample(topics.CHASSIS_MODEL, cell.chassis._sensed.model)  # type: ignore[arg-type]
-    cell.chassis._sensed.model = None
+    model = sample(topics.CHASSIS_MODEL, cell.chassis._state.model)  # type: ignore[arg-type]
+    cell.chassis._state.model = None
     run(bus, cell, [Presence(ServiceId("gateway", "cell"), True)], [Presence(SIM, True)], instant(cell, 0))
     assert bus.calls == []
     run(bus, cell, [Presence(SIM, True)], [model], instant(cell, 0), instant(cell, 40), instant(cell, 0, "second"))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,22 +16,31 @@ from rackhand.services.controller.access.types import AuditEntry
 
 
 class AuditLog:
-    """Appends entries with the time of day. Opened for appending, flushed by the batch; not for the control loop.
+    """Appends entries with the time of day, unbuffered; not for the control loop.
 
-    Raises ``OSError`` when the file cannot be opened or written: the caller decides what that means.
+    Raises ``OSError`` when the file cannot be opened or written; then it is as long as it was, so that the same entries
+    may be written again.
     """
 
     def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = path.open("ab")
+        self._file = path.open("ab", buffering=0)
         self._wall = wall
 
     def write(self, entries: Iterable[AuditEntry]) -> None:
         when = datetime.fromtimestamp(self._wall(), UTC).isoformat(timespec="milliseconds")
         lines = [msgspec.json.encode({"wall": when, **asdict(entry)}) + b"\n" for entry in entries]
-        if lines:
-            self._file.write(b"".join(lines))
-            self._file.flush()
+        size = self._file.seek(0, os.SEEK_END)
+        try:
+            self._append(b"".join(lines))
+        except OSError:
+            with suppress(OSError):
+                self._file.truncate(size)
+            raise
+
+    def _append(self, data: bytes) -> None:
+        while data:  # a full disk may take a part of it
+            data = data[self._file.write(data) :]
 
     def close(self) -> None:
         self._file.close()

@@ -2,41 +2,33 @@
 
 from __future__ import annotations
 
-import queue
-import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 
+from rackhand.runtime.store import Settled, StoreThread
 from rackhand.services.controller.access.audit import AuditLog, DenialLimiter
 from rackhand.services.controller.access.types import AuditEntry
 
 
 class AuditWriter:
-    """Hands entries to a thread of its own. ``close`` waits until all are written.
+    """Hands entries to a store thread. ``close`` returns when all are written.
 
-    ``failed`` is called, in that thread, with what went wrong; what could not be written is lost, and the next entries
-    are tried again.
+    ``failed`` is called, in that thread, with what went wrong. What could not be written is tried again until it is.
     """
 
-    def __init__(self, log: AuditLog, failed: Callable[[OSError], None]) -> None:
-        self._log, self._failed = log, failed
+    def __init__(self, log: AuditLog, failed: Callable[[Exception], None]) -> None:
+        self._failed = failed
         self._limiter = DenialLimiter()
-        self._entries: queue.SimpleQueue[Sequence[AuditEntry] | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="audit", daemon=True)
-        self._thread.start()
+        self._thread = StoreThread("audit", lambda: log, AuditLog.close, self._settled)
 
     def put(self, entries: Iterable[AuditEntry]) -> None:
         kept = self._limiter.filter(entries)
         if kept:
-            self._entries.put(kept)
+            self._thread.submit(lambda log: log.write(kept), keep=True)
 
     def close(self) -> None:
-        self._entries.put(None)
-        self._thread.join()
-        self._log.close()
+        self._thread.close()
 
-    def _run(self) -> None:
-        while (entries := self._entries.get()) is not None:
-            try:
-                self._log.write(entries)
-            except OSError as error:
-                self._failed(error)
+    def _settled(self, settled: Settled) -> None:
+        if settled.error is not None:
+            self._failed(settled.error)
+            self._thread.resume()

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.motion import FencingToken, RefusalDetail
+from rackhand.services.controller.access.types import Decision
 
 DEADMAN_NS = 100_000_000
 
 
 @dataclass(frozen=True)
 class StreamSample:
-    """A reference as it arrived, with what its sender said of its order and age."""
+    """A reference as it arrived, with the order and age its sender gave it."""
 
     token: FencingToken
     sequence: int | None = None
@@ -20,18 +21,10 @@ class StreamSample:
     timeout_ns: int | None = None
 
 
-@dataclass(frozen=True)
-class StreamVerdict:
-    ok: bool
-    code: CrfCode = CrfCode.OK
-    detail: RefusalDetail = RefusalDetail.NONE
-    text: str = ""
-
-
 class StreamGuard:
     """Keeps a reference alive for at most ``deadman_ns`` after its last refresh, and refuses late and replayed samples.
 
-    A sample may ask for less time, never for more. Sequence and stamp grow within a lease and start anew with the
+    A sample may ask for less time, never for more. Sequence and stamp grow within a lease and start again with the
     next. A stop is a barrier: samples that answer a state from before it are late.
     """
 
@@ -49,21 +42,21 @@ class StreamGuard:
         """Whether a reference is in force (as of the last ``offer`` or ``expired``)."""
         return self._deadline is not None
 
-    def offer(self, sample: StreamSample, now: int) -> StreamVerdict:
-        """Takes a sample, or says why it is stale (412). A refused sample refreshes nothing."""
+    def offer(self, sample: StreamSample, now: int) -> Decision:
+        """Accepts a sample, or refuses it as stale (412). A refused sample refreshes nothing."""
         if sample.token != self._token:
             self._token, self._sequence, self._stamp = sample.token, None, None
         late = self._lateness(sample, now)
         if late:
-            return StreamVerdict(False, CrfCode.PreconditionFailed, RefusalDetail.STALE_SAMPLE, late)
+            return Decision(False, CrfCode.PreconditionFailed, RefusalDetail.STALE_SAMPLE, late)
         self._sequence = sample.sequence if sample.sequence is not None else self._sequence
         self._stamp = sample.stamp if sample.stamp is not None else self._stamp
         wanted = self._deadman_ns if sample.timeout_ns is None else sample.timeout_ns
         self._deadline = now + min(wanted, self._deadman_ns)
-        return StreamVerdict(True)
+        return Decision(True)
 
     def expired(self, now: int) -> bool:
-        """True once when the reference dies: it is zero from here on."""
+        """True once when the reference expires: it is zero from here on."""
         if self._deadline is None or now < self._deadline:
             return False
         self._deadline = None

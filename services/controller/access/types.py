@@ -1,8 +1,9 @@
-"""Values that go into and come out of priority access. Times are nanoseconds of a monotonic clock."""
+"""Inputs and outputs of priority access. Times are nanoseconds of a monotonic clock."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from typing import Literal
 
 from rackhand.schemas.crf import CrfCode
@@ -41,7 +42,7 @@ class AccessConfig:
 
 @dataclass(frozen=True)
 class Caller:
-    """Who asks, and what is logged of it."""
+    """Who asks, as far as it is logged."""
 
     client: str
     user: str = ""
@@ -49,7 +50,7 @@ class Caller:
     request_id: str = ""
 
 
-# What happens to access.
+# Inputs.
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class Tick:
 
 @dataclass(frozen=True)
 class AtRest:
-    """The arm stands with an empty queue, all orders and commands up to ``serial`` done with."""
+    """The arm is at rest with an empty queue; motion effects and commands up to ``serial`` are done."""
 
     serial: int
 
@@ -129,13 +130,13 @@ class AtRest:
 AccessInput = Lock | Unlock | Command | Stop | StartBeat | Beat | StopBeat | Disconnected | Tick | AtRest
 
 
-# What comes of it.
+# Outputs.
 
 
 @dataclass(frozen=True)
 class StopMotion:
     """Brake: along the path within the deceleration limits (``softStop``) or as fast as can be. ``clear``: drop the
-    queue; otherwise it is kept for ``ContinueMotion``. To be carried out before the command of the same outcome."""
+    queue; otherwise it is kept for ``ContinueMotion``. It is carried out before the command of the same outcome."""
 
     serial: int
     kind: StopKind
@@ -150,14 +151,14 @@ class ContinueMotion:
     serial: int
 
 
-Order = StopMotion | ContinueMotion
+MotionEffect = StopMotion | ContinueMotion
 
 
 @dataclass(frozen=True)
 class Decision:
     """Whether it was granted. ``after_rest``: a stop is under way, the command may begin only when it is done.
 
-    ``serial`` numbers orders and admitted commands; ``AtRest`` refers to it.
+    ``serial`` numbers motion effects and granted commands; ``AtRest`` refers to it.
     """
 
     ok: bool
@@ -197,10 +198,26 @@ class AuditEntry:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """The answer and everything that follows from it, each in order."""
+class Effects:
+    """What follows from an input, each in order: what to do with the motion, events to publish, lines to log."""
 
-    verdict: Decision
-    orders: tuple[Order, ...] = ()
+    motion: tuple[MotionEffect, ...] = ()
     events: tuple[ControlEvent, ...] = ()
     audit: tuple[AuditEntry, ...] = ()
+
+    @classmethod
+    def joined(cls, parts: Iterable[Effects]) -> Effects:
+        """Of several inputs, in their order."""
+        parts = tuple(parts)
+        return Effects(
+            tuple(effect for part in parts for effect in part.motion),
+            tuple(event for part in parts for event in part.events),
+            tuple(entry for part in parts for entry in part.audit),
+        )
+
+
+@dataclass(frozen=True)
+class Outcome(Effects):
+    """The decision about one input, and its effects."""
+
+    decision: Decision = field(kw_only=True)

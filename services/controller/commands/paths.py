@@ -14,8 +14,8 @@ from rackhand.schemas.motion import RobotConfiguration
 from rackhand.services.controller.arm_control import ArmControl
 from rackhand.services.controller.commands.checks import wrong_reference
 from rackhand.services.controller.commands.spec import CommandSpec, GrantedCommand, OnArm, Result
-from rackhand.services.controller.trajectory.model import Placement, Pose
-from rackhand.services.controller.trajectory.queue import Method, MotionQueue, Reference
+from rackhand.services.controller.trajectory.model import Placement, TcpPose
+from rackhand.services.controller.trajectory.queue import Method, MotionQueue, ReferenceFrame
 
 FARTHEST = 100.0
 """Metres. Far beyond any arm's reach, and near enough that a double still resolves micrometres there."""
@@ -29,11 +29,11 @@ def _append_joints(request: crf.AppendJointsPath, arm: ArmControl, granted: Gran
 
 
 def _append_task(request: crf.AppendTaskPath, arm: ArmControl, granted: GrantedCommand) -> Result | None:
-    method, reference = Method(request.method), Reference(request.reference)
+    method, reference = Method(request.method), ReferenceFrame(request.reference)
     tcp: Placement = arm.tool_pose()  # at the call: reference 2 refers to it
 
     def append(queue: MotionQueue, t: float) -> MotionQueue:
-        points = [Pose(np.array(pose.position), pose.orientation.rotation()) for pose in request.data]
+        points = [TcpPose(np.array(pose.position), pose.orientation.rotation()) for pose in request.data]
         return queue.append_task(t, points, method, reference, tcp)
 
     return arm.append("task", append, len(request.data), granted)

@@ -15,7 +15,7 @@ from rackhand.services.controller.access.types import SECOND
 from rackhand.services.controller.arm_control import ArmControl
 from rackhand.services.controller.commands.checks import malformed_joint_vector, wrong_reference
 from rackhand.services.controller.commands.spec import CommandSpec, GrantedCommand, OnArm, Result
-from rackhand.services.controller.motion.executor import Reference
+from rackhand.services.controller.motion.signal import SignalReference
 
 
 def _set_velocity(request: crf.SetVelocity, arm: ArmControl, granted: GrantedCommand) -> Result:
@@ -36,7 +36,7 @@ def _follow(request: crf.SetVelocity | crf.SetTorque, arm: ArmControl, granted: 
     if request.type == "task" and request.reference == 2:
         rotation = arm.tool_pose().rotation
         values = np.concatenate([rotation @ values[:3], rotation @ values[3:]])
-    reference = Reference("velocity" if isinstance(request, crf.SetVelocity) else "torque", request.type, values)
+    reference = SignalReference("velocity" if isinstance(request, crf.SetVelocity) else "torque", request.type, values)
     return arm.follow(reference, sample, request.command)
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import osqp
 import scipy.sparse as sparse
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rackhand.schemas.arrays import Array
 
 # Measured on recorded sequences of such QPs: rho has to adapt soon once limits bind, scaling costs and does not help
 # when the unknown is normalised, polishing prints to standard output even when told to be silent.
@@ -44,7 +43,7 @@ class RowSolver:
     ) -> tuple[Array, bool]:
         """The solution, and whether it is proven optimal.
 
-        `safe` (n,) is a point that holds every constraint; what OSQP leaves of violation is taken out by going
+        ``safe`` (n,) is a point that holds every constraint; what OSQP leaves of violation is taken out by going
         towards it, so the answer always holds them all."""
         unit, n = self.unit, len(self.unit)
         self._values[:, 1:] = (rows * unit).T
@@ -100,7 +99,7 @@ def _polish(
 
 
 def _hold(x: Array, rows: Array, bounds: Array, safe: Array) -> Array:
-    """The last point on the way from `safe` to `x` that holds all rows."""
+    """The last point on the way from ``safe`` to ``x`` that holds all rows."""
     start, end = rows @ safe, rows @ x
     over = end > bounds
     if not over.any():

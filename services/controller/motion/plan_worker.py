@@ -1,9 +1,9 @@
-"""Where paths are planned: beside the control loop, because a long one takes seconds and a tick has milliseconds.
+"""Paths are planned beside the control loop, because a long one takes seconds and a tick has milliseconds.
 
 A job is planned from the queue as it is when the job's turn comes, for a tick a little ahead, and is spliced in at that
 very tick. In lockstep the tick waits for the plan, so that a run is the same on any machine. Running free it does not:
-what is driven goes on, and a plan that comes too late is made again for a later tick. Its caller is answered as soon as
-it is planned, before it is driven.
+the current motion continues, and a plan that comes too late is made again for a later tick. Its caller is answered as
+soon as it is planned, before it is driven.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class PathPlanner(Generic[T]):
         job = self._jobs[0] if self._jobs else None
         if job is None or job.future is not None:
             return
-        job.from_rest = not queue.legs
+        job.from_rest = not queue.motions
         if lockstep or job.from_rest:
             ticks = 1
         else:
@@ -134,9 +134,9 @@ def _shifted(queue: MotionQueue, by: float) -> MotionQueue:
     """``queue``, which begins at rest, ``by`` seconds later."""
     if by <= 0:
         return queue
-    legs = tuple(
-        replace(leg, motion=leg.motion.shifted(by), begin=leg.begin + by)
-        for leg in queue.legs
-        if isinstance(leg.motion, Motion)
+    motions = tuple(
+        replace(queued, motion=queued.motion.shifted(by), begin=queued.begin + by)
+        for queued in queue.motions
+        if isinstance(queued.motion, Motion)
     )
-    return replace(queue, legs=legs)
+    return replace(queue, motions=motions)

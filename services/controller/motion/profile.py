@@ -6,20 +6,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rackhand.schemas.motion import JointLimits as ConfiguredJointLimits
-from rackhand.schemas.motion import ProfileParameters, RobotConfiguration
-from rackhand.schemas.motion import TaskLimits as ConfiguredTaskLimits
+from rackhand.schemas.arrays import Array
+from rackhand.schemas.motion import ConfiguredJointLimits, ConfiguredTaskLimits, ProfileParameters, RobotConfiguration
 from rackhand.services.controller import ik
 from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.trajectory import queue
-from rackhand.services.controller.trajectory.model import Array, JointLimits, TaskLimits
-from rackhand.services.controller.trajectory.phase import Smoothing
-from rackhand.services.controller.trajectory.stream import Limits
+from rackhand.services.controller.trajectory.model import JointLimits, TaskLimits
+from rackhand.services.controller.trajectory.stream import PathLimits
+from rackhand.services.controller.trajectory.time_law import Smoothing
 from rackhand.services.controller.trajectory.timing import Planning
 
 
 @dataclass(frozen=True)
-class Profile:
+class MotionProfile:
     """Joint vectors (n,) rad/s and rad/s², task vectors (6,) m/s and rad/s, m/s² and rad/s²; linear before angular."""
 
     joint_velocity: Array
@@ -28,7 +27,7 @@ class Profile:
     task_acceleration: Array
 
     @classmethod
-    def default(cls, arm: ik.Arm) -> Profile:
+    def default(cls, arm: ik.Arm) -> MotionProfile:
         """Half of what the joints can do, and at the tool a quarter of what it is allowed."""
         limits = arm.limits
         return cls(
@@ -38,7 +37,7 @@ class Profile:
             0.25 * _six(limits.task_acceleration),
         )
 
-    def bounded(self, arm: ik.Arm) -> Profile:
+    def bounded(self, arm: ik.Arm) -> MotionProfile:
         """No more than the arm's limits."""
         limits = arm.limits
         return replace(
@@ -55,15 +54,15 @@ def hardware_limits(arm: ik.Arm) -> JointLimits:
     return JointLimits(limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk)
 
 
-def path_arm(arm: ik.Arm, profile: Profile) -> queue.Arm:
+def path_arm(arm: ik.Arm, profile: MotionProfile) -> queue.PathArm:
     """What paths appended from now on are planned with: joint motion at the joint profile, task paths at both."""
     joints = replace(hardware_limits(arm), velocity=profile.joint_velocity, acceleration=profile.joint_acceleration)
     task = TaskLimits(profile.task_velocity, profile.task_acceleration)
     planning = Planning(smoothing=Smoothing.for_limits(joints.acceleration, joints.jerk))
-    return queue.Arm(ArmKinematics(arm), Limits(joints), Limits(joints, task), planning)
+    return queue.PathArm(ArmKinematics(arm), PathLimits(joints), PathLimits(joints, task), planning)
 
 
-def configuration(arm: ik.Arm, profile: Profile, period_ns: int) -> RobotConfiguration:
+def configuration(arm: ik.Arm, profile: MotionProfile, period_ns: int) -> RobotConfiguration:
     """The answer to ``getConfiguration``."""
     limits = arm.limits
     return RobotConfiguration(

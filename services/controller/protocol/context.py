@@ -33,7 +33,7 @@ class RequestContext:
     def handle(self, happened: AccessInput) -> Decision:
         """Hands ``happened`` to priority access and keeps its outcome."""
         self.outcomes.append(self.access.handle(happened, self.now))
-        return self.outcomes[-1].verdict
+        return self.outcomes[-1].decision
 
     def lease(self, decision: Decision) -> dict[str, Any]:
         """Extra fields of the reply. Clients without a name get CRF's reply to the letter."""

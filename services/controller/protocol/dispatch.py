@@ -1,8 +1,8 @@
 """The protocol layer: a request's text in, its answer or a granted command out.
 
 Pure: it holds priority access, the memory of answers and the status streams, and gets the time as an argument. Commands
-that act on the arm are executed by the caller of ``request``: first the orders of the ``DispatchResult``, then the
-granted command, whose answer is made by ``finish``. Every request gets exactly one answer.
+that act on the arm are executed by the caller of ``request``: first the motion effects of the ``DispatchResult``, then
+the granted command, whose answer is made by ``finish``. Every request gets exactly one answer.
 """
 
 from __future__ import annotations
@@ -18,13 +18,11 @@ from rackhand.schemas.motion import MotionStatus, RobotConfiguration
 from rackhand.services.controller.access.access import Access
 from rackhand.services.controller.access.types import (
     AtRest,
-    AuditEntry,
     Caller,
     Command,
-    ControlEvent,
     Decision,
     Disconnected,
-    Order,
+    Effects,
     Outcome,
     Tick,
 )
@@ -49,16 +47,14 @@ MAX_SESSIONS = 1024
 
 
 @dataclass(frozen=True)
-class DispatchResult:
-    """What follows from one input. ``reply`` is the answer's JSON. Without one either ``granted`` is to be executed, or
-    (``shared``, the key of that ``GrantedCommand``) the same request is being executed and its answer serves both."""
+class DispatchResult(Effects):
+    """What follows from one request. ``reply`` is the answer's JSON. Without one either ``granted`` is to be executed,
+    or (``shared``, the key of that ``GrantedCommand``) the same request is being executed and its answer serves both.
+    """
 
     reply: bytes | None = None
     granted: GrantedCommand | None = None
     shared: tuple[str, bytes] | None = None
-    orders: tuple[Order, ...] = ()
-    events: tuple[ControlEvent, ...] = ()
-    audit: tuple[AuditEntry, ...] = ()
 
 
 class Dispatcher:
@@ -96,14 +92,14 @@ class Dispatcher:
         """``parsed``: what ``read`` has made of the text, if it has. ``ticket`` is kept in a granted command."""
         parsed = parsed or self.read(text)
         if isinstance(parsed.result, Answer):
-            return DispatchResult(encode(parsed.result, parsed.echo))
+            return DispatchResult(reply=encode(parsed.result, parsed.echo))
         request = parsed.result
         spec = self._commands.of(request)
         client = alias(session) if request.client is None else request.client
         self._sessions.remember(client, session)
         begun = self._memory.begin(client, parsed.echo, text, spec.once)
         if not isinstance(begun, Fresh):
-            return DispatchResult(begun.answer, shared=None if begun.answer else begun.key)
+            return DispatchResult(reply=begun.answer, shared=None if begun.answer else begun.key)
         caller = _caller(client, request, parsed.echo)
         named = request.client is not None
         context = RequestContext(self.access, self._streams, self._arm(), caller, session, named, now)
@@ -123,18 +119,19 @@ class Dispatcher:
         self._memory.finish(granted.key, encoded, _took_effect(answer))
         return encoded
 
-    def tick(self, now: int) -> DispatchResult:
+    def tick(self, now: int) -> Effects:
         """Time has passed: locks and heartbeats may have expired."""
-        return _result([self.access.handle(Tick(), now)])
+        return self.access.handle(Tick(), now)
 
-    def at_rest(self, serial: int, now: int) -> DispatchResult:
+    def at_rest(self, serial: int, now: int) -> Effects:
         """The arm is at rest with an empty queue, everything up to ``serial`` done."""
-        return _result([self.access.handle(AtRest(serial), now)])
+        return self.access.handle(AtRest(serial), now)
 
-    def disconnected(self, session: str, now: int) -> DispatchResult:
+    def disconnected(self, session: str, now: int) -> Effects:
         """A connection is closed."""
         self._streams.stop(session)
-        return _result([self.access.handle(Disconnected(client), now) for client in self._sessions.forget(session)])
+        gone = self._sessions.forget(session)
+        return Effects.joined([self.access.handle(Disconnected(client), now) for client in gone])
 
     # -- status -------------------------------------------------------------------------------------------------------
 
@@ -216,10 +213,5 @@ def _took_effect(answer: Answer) -> bool:
 def _result(
     outcomes: list[Outcome], answer: bytes | None = None, granted: GrantedCommand | None = None
 ) -> DispatchResult:
-    return DispatchResult(
-        reply=answer,
-        granted=granted,
-        orders=tuple(order for outcome in outcomes for order in outcome.orders),
-        events=tuple(happened for outcome in outcomes for happened in outcome.events),
-        audit=tuple(entry for outcome in outcomes for entry in outcome.audit),
-    )
+    effects = Effects.joined(outcomes)
+    return DispatchResult(effects.motion, effects.events, effects.audit, answer, granted)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rackhand.runtime.compiled import compiled
-from rackhand.services.controller.trajectory.model import Array
+from rackhand.schemas.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -6,19 +6,18 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rackhand.schemas.arrays import Array
 
 
 class PathRefused(ValueError):
     """A path that cannot be driven, refused before anything moves.
 
-    ``point`` is the index, in the call's own list, of the way-point that fails or on the way to which the path fails.
+    ``point`` is the index, in the call's own list, of the waypoint that fails, or of the end of the leg that fails.
     """
 
     def __init__(self, point: int, reason: str) -> None:
-        super().__init__(f"way-point {point}: {reason}")
+        super().__init__(f"waypoint {point}: {reason}")
         self.point = point
         self.reason = reason
 
@@ -33,14 +32,14 @@ class Placement(Protocol):
 
 
 @dataclass(frozen=True)
-class Pose:
+class TcpPose:
     """Position (3,) in metres and rotation matrix (3, 3), TCP in the base frame."""
 
     translation: Array
     rotation: Array
 
-    def __matmul__(self, other: Placement) -> Pose:
-        return Pose(self.translation + self.rotation @ other.translation, self.rotation @ other.rotation)
+    def __matmul__(self, other: Placement) -> TcpPose:
+        return TcpPose(self.translation + self.rotation @ other.translation, self.rotation @ other.rotation)
 
 
 class Kinematics(Protocol):

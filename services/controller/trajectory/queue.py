@@ -1,6 +1,6 @@
 """What CRF's path commands mean (spec motion-controller §6.3, §6.6), as a value: every command makes a new queue.
 
-A command that is refused raises ``PathRefused`` and changes nothing. Way-points of the kind that is being driven are
+A command that is refused raises ``PathRefused`` and changes nothing. Waypoints of the kind that is being driven are
 appended without a stop; another kind stops softly, drops what was queued, and is driven from there.
 """
 
@@ -12,6 +12,7 @@ from enum import IntEnum
 
 import numpy as np
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.trajectory.continuation import Continuation, pose_error
 from rackhand.services.controller.trajectory.geometry import (
     JointPath,
@@ -22,9 +23,9 @@ from rackhand.services.controller.trajectory.geometry import (
     task_path,
 )
 from rackhand.services.controller.trajectory.joint_stop import JointStop, stop_joints
-from rackhand.services.controller.trajectory.model import Array, Kinematics, PathRefused, Placement, Pose
+from rackhand.services.controller.trajectory.model import Kinematics, PathRefused, Placement, TcpPose
 from rackhand.services.controller.trajectory.splice import extend_joints, extend_task
-from rackhand.services.controller.trajectory.stream import Limits, Motion, Sample, start_joints, start_task
+from rackhand.services.controller.trajectory.stream import Motion, PathLimits, Sample, start_joints, start_task
 from rackhand.services.controller.trajectory.timing import Planning
 
 _DUPLICATE = 1e-7
@@ -32,27 +33,27 @@ _REACHED = 1e-4
 
 
 class Method(IntEnum):
-    """How task way-points are driven: ``TrajectoryExecutionMethod`` of CRF."""
+    """How task waypoints are driven: ``TrajectoryExecutionMethod`` of CRF."""
 
     JOINT_SPACE = 1
     TASK_SPACE = 2
 
 
-class Reference(IntEnum):
-    """What task way-points refer to: ``PointReferenceFrame`` of CRF. TCP means its pose when the command is given."""
+class ReferenceFrame(IntEnum):
+    """What task waypoints refer to: ``PointReferenceFrame`` of CRF. TCP means its pose when the command is given."""
 
     BASE = 1
     TCP = 2
 
 
 @dataclass(frozen=True)
-class Arm:
-    """What the queue knows of the arm. ``joints`` times joint-space motion, ``task`` what follows task paths; changes
+class PathArm:
+    """The arm as the queue needs it. ``joints`` times joint-space motion, ``task`` what follows task paths; changes
     hold for what is appended afterwards."""
 
     kinematics: Kinematics
-    joints: Limits
-    task: Limits
+    joints: PathLimits
+    task: PathLimits
     planning: Planning = field(default_factory=Planning)
     tolerance: Tolerance = field(default_factory=Tolerance)
     options: Continuation = field(default_factory=Continuation)
@@ -72,33 +73,33 @@ class QueuedMotion:
 class MotionQueue:
     """Motions one after the other, each planned to begin where and when the one before it ends.
 
-    ``rest`` (n,) is where the arm stands without any. While ``paused``, the first is held at rest and the others wait.
-    Times are seconds and only go forward from call to call.
+    ``rest`` (n,) is the position of the arm without any. While ``paused``, the first is held at rest and the others
+    wait. Times are seconds and only go forward from call to call.
     """
 
-    arm: Arm
+    arm: PathArm
     rest: Array
-    legs: tuple[QueuedMotion, ...] = ()
+    motions: tuple[QueuedMotion, ...] = ()
     paused: bool = False
 
     # -- what is driven ---------------------------------------------------------------------------------------------
 
     def at(self, t: float) -> Sample:
         """The reference at ``t``."""
-        for leg in reversed(self.legs[:1] if self.paused else self.legs):
-            if leg.begin <= t or leg is self.legs[0]:
-                return leg.motion.at(t)
+        for queued in reversed(self.motions[:1] if self.paused else self.motions):
+            if queued.begin <= t or queued is self.motions[0]:
+                return queued.motion.at(t)
         still = np.zeros_like(self.rest)
         return Sample(self.rest, still, still, None, 0.0, True)
 
     def running(self, t: float) -> bool:
         """Whether anything moves, or will without another command."""
-        return bool(self.legs) and t < self.legs[0 if self.paused else -1].motion.end
+        return bool(self.motions) and t < self.motions[0 if self.paused else -1].motion.end
 
     # -- commands ---------------------------------------------------------------------------------------------------
 
     def append_joints(self, t: float, points: Sequence[Array]) -> MotionQueue:
-        """Joint way-points, (n,) each, rad. Points that repeat the one before them are left out."""
+        """Joint waypoints, (n,) each, rad. Points that repeat the one before them are left out."""
         for i, point in enumerate(points):
             self._check(i, np.asarray(point, float))
         return self._for(t, "joints")._add_joints(t, "joints", [np.asarray(point, float) for point in points])
@@ -108,20 +109,20 @@ class MotionQueue:
         t: float,
         points: Sequence[Placement],
         method: Method,
-        reference: Reference,
+        reference: ReferenceFrame,
         tcp: Placement | None = None,
     ) -> MotionQueue:
-        """Task way-points. ``tcp`` is where the TCP is now, for ``Reference.TCP``; default: as it is commanded."""
-        if reference == Reference.TCP:
+        """Task waypoints. ``tcp`` is where the TCP is now, for ``ReferenceFrame.TCP``; default: as it is commanded."""
+        if reference == ReferenceFrame.TCP:
             now = tcp or self.arm.kinematics.forward(self.at(t).q)
-            points = [Pose(now.translation, now.rotation) @ point for point in points]
+            points = [TcpPose(now.translation, now.rotation) @ point for point in points]
         for i, point in enumerate(points):
             if not (np.isfinite(point.translation).all() and np.isfinite(point.rotation).all()):
                 raise PathRefused(i, "its pose is not finite")
         queue = self._for(t, "task")
         poses, kept = _distinct_poses(self.arm.kinematics.forward(queue._end()), points)
         if not kept:
-            raise PathRefused(0, "every way-point is where the path before it ends: there is nothing to drive")
+            raise PathRefused(0, "every waypoint is where the path before it ends: there is nothing to drive")
         try:
             if method == Method.JOINT_SPACE:
                 return queue._add_joints(t, "task", queue._solve(poses[1:]))
@@ -131,43 +132,31 @@ class MotionQueue:
 
     def soft_stop(self, t: float) -> MotionQueue:
         """Stops along the path and drops the rest of it."""
-        legs = self._alive(t)
-        return self._only(t, replace(_braked(legs[0], t), stopped=True) if legs else None)
+        motions = self._alive(t)
+        return self._only(t, replace(_braked(motions[0], t), stopped=True) if motions else None)
 
     def hard_stop(self, t: float) -> MotionQueue:
         """Stops every joint as fast as it can, off the path if need be, and drops the rest."""
-        legs = self._alive(t)
-        if not legs or isinstance(legs[0].motion, JointStop):
-            return self._only(t, legs[0] if legs else None)
+        motions = self._alive(t)
+        if not motions or isinstance(motions[0].motion, JointStop):
+            return self._only(t, motions[0] if motions else None)
         stop = stop_joints(t, self.at(t), self.arm.joints.joints)
-        return self._only(t, QueuedMotion(stop, t, legs[0].kind, stopped=True))
+        return self._only(t, QueuedMotion(stop, t, motions[0].kind, stopped=True))
 
     def pause(self, t: float) -> MotionQueue:
-        """Stops along the path; ``resume`` goes on with it, and with all that is queued."""
-        legs = self._alive(t)
-        if not legs or self.paused:
+        """Stops along the path; ``resume`` continues it and all that is queued."""
+        motions = self._alive(t)
+        if not motions or self.paused:
             return self
-        return replace(self, legs=(_braked(legs[0], t), *legs[1:]), paused=True)
+        return replace(self, motions=(_braked(motions[0], t), *motions[1:]), paused=True)
 
     def resume(self, t: float) -> MotionQueue:
         if not self.paused:
             return self
-        first = self.legs[0]
+        first = self.motions[0]
         if isinstance(first.motion, Motion) and not first.stopped:
             first = replace(first, motion=first.motion.resumed(t))
-        return _sequenced(replace(self, legs=(first, *self.legs[1:]), paused=False), t)
-
-    def override(self, t: float, rate: float) -> MotionQueue:
-        """Scales the velocities of all that is queued, ``rate`` in (0, 1]."""
-        if self.paused:
-            return self.resume(t).override(t, rate).pause(t)
-        legs = (
-            replace(leg, motion=leg.motion.scaled(max(t, leg.begin), rate))
-            if isinstance(leg.motion, Motion) and not leg.stopped
-            else leg
-            for leg in self._alive(t)
-        )
-        return _sequenced(replace(self, legs=tuple(legs)), t)
+        return _sequenced(replace(self, motions=(first, *self.motions[1:]), paused=False), t)
 
     # -- how --------------------------------------------------------------------------------------------------------
 
@@ -175,7 +164,7 @@ class MotionQueue:
         """This queue, stopped if it drives another kind."""
         if not self._alive(t):
             return self._only(t, None)
-        return self if self.legs[-1].kind == kind else self.soft_stop(t)
+        return self if self.motions[-1].kind == kind else self.soft_stop(t)
 
     def _add_joints(self, t: float, kind: str, points: Sequence[Array]) -> MotionQueue:
         distinct = [self._end()]
@@ -192,7 +181,7 @@ class MotionQueue:
         begin = self._next(t)
         return self._added(t, start_joints(begin, path, arm.joints, arm.planning, arm.kinematics), begin, kind)
 
-    def _add_task(self, t: float, poses: Sequence[Pose]) -> MotionQueue:
+    def _add_task(self, t: float, poses: Sequence[TcpPose]) -> MotionQueue:
         arm, last = self.arm, self._open("task", TaskPath)
         path = task_path(poses, arm.tolerance, last.curve.end if last else 0.0)
         if last:
@@ -231,65 +220,69 @@ class MotionQueue:
             raise PathRefused(i, outside)
 
     def _alive(self, t: float) -> tuple[QueuedMotion, ...]:
-        """The legs that have not ended; the first of them is under way."""
-        return self.legs if self.paused else tuple(leg for leg in self.legs if t < leg.motion.end)
+        """The motions that have not ended; the first of them is under way."""
+        return self.motions if self.paused else tuple(queued for queued in self.motions if t < queued.motion.end)
 
     def _open(self, kind: str, path: type) -> Motion | None:
-        """The last motion, if way-points of that sort can be appended to it."""
-        if not self.legs or self.legs[-1].stopped or self.legs[-1].kind != kind:
+        """The last motion, if waypoints of that sort can be appended to it."""
+        if not self.motions or self.motions[-1].stopped or self.motions[-1].kind != kind:
             return None
-        motion = self.legs[-1].motion
+        motion = self.motions[-1].motion
         return motion if isinstance(motion, Motion) and isinstance(motion.path, path) else None
 
     def _end(self) -> Array:
         """Where all that is queued ends."""
-        if not self.legs:
+        if not self.motions:
             return self.rest
-        last = self.legs[-1]
+        last = self.motions[-1]
         return last.motion.curve.q[-1] if isinstance(last.motion, Motion) and not last.stopped else last.motion.rest
 
     def _next(self, t: float) -> float:
-        return max(t, self.legs[-1].motion.end) if self.legs else t
+        return max(t, self.motions[-1].motion.end) if self.motions else t
 
     def _from(self, t: float) -> float:
         """From when on the last motion can still be changed. One that waits behind a pause is at its beginning."""
-        waits = self.paused and len(self.legs) > 1
-        return self.legs[-1].begin if waits else max(t, self.legs[-1].begin)
+        waits = self.paused and len(self.motions) > 1
+        return self.motions[-1].begin if waits else max(t, self.motions[-1].begin)
 
-    def _only(self, t: float, leg: QueuedMotion | None) -> MotionQueue:
-        rest = self.at(t).q if leg is None else leg.motion.rest
-        return replace(self, legs=() if leg is None else (leg,), rest=rest, paused=False)
+    def _only(self, t: float, queued: QueuedMotion | None) -> MotionQueue:
+        rest = self.at(t).q if queued is None else queued.motion.rest
+        return replace(self, motions=() if queued is None else (queued,), rest=rest, paused=False)
 
     def _added(self, t: float, motion: Motion, begin: float, kind: str) -> MotionQueue:
-        return replace(self, legs=(*self._alive(t), QueuedMotion(motion, begin, kind)))
+        return replace(self, motions=(*self._alive(t), QueuedMotion(motion, begin, kind)))
 
     def _with_last(self, t: float, motion: Motion) -> MotionQueue:
-        last = replace(self.legs[-1], motion=motion)
-        if self.paused and len(self.legs) == 1:
+        last = replace(self.motions[-1], motion=motion)
+        if self.paused and len(self.motions) == 1:
             last = _braked(last, t)
-        return replace(self, legs=(*self._alive(t)[:-1], last))
+        return replace(self, motions=(*self._alive(t)[:-1], last))
 
 
-def _braked(leg: QueuedMotion, t: float) -> QueuedMotion:
-    """The leg, stopping along its path unless it is stopping already."""
-    return replace(leg, motion=leg.motion.braked(t)) if isinstance(leg.motion, Motion) and not leg.stopped else leg
+def _braked(queued: QueuedMotion, t: float) -> QueuedMotion:
+    """The motion, stopping along its path unless it is stopping already."""
+    return (
+        replace(queued, motion=queued.motion.braked(t))
+        if isinstance(queued.motion, Motion) and not queued.stopped
+        else queued
+    )
 
 
 def _sequenced(queue: MotionQueue, t: float) -> MotionQueue:
-    """Every leg after the first begins when the one before it ends, and not before ``t``."""
-    legs = list(queue.legs[:1])
-    for leg in queue.legs[1:]:
-        begin = max(t, legs[-1].motion.end)
-        motion = leg.motion.shifted(begin - leg.begin) if isinstance(leg.motion, Motion) else leg.motion
-        legs.append(replace(leg, motion=motion, begin=begin))
-    return replace(queue, legs=tuple(legs))
+    """Every motion after the first begins when the one before it ends, and not before ``t``."""
+    motions = list(queue.motions[:1])
+    for queued in queue.motions[1:]:
+        begin = max(t, motions[-1].motion.end)
+        motion = queued.motion.shifted(begin - queued.begin) if isinstance(queued.motion, Motion) else queued.motion
+        motions.append(replace(queued, motion=motion, begin=begin))
+    return replace(queue, motions=tuple(motions))
 
 
-def _distinct_poses(start: Placement, points: Sequence[Placement]) -> tuple[list[Pose], list[int]]:
+def _distinct_poses(start: Placement, points: Sequence[Placement]) -> tuple[list[TcpPose], list[int]]:
     """``start`` and the poses that are not where the one before them is; and which of the points these were."""
-    poses, kept = [Pose(start.translation, start.rotation)], []
+    poses, kept = [TcpPose(start.translation, start.rotation)], []
     for i, point in enumerate(points):
         if np.abs(pose_step(poses[-1], point)).max() > _DUPLICATE:
-            poses.append(Pose(np.asarray(point.translation, float), np.asarray(point.rotation, float)))
+            poses.append(TcpPose(np.asarray(point.translation, float), np.asarray(point.rotation, float)))
             kept.append(i)
     return poses, kept

@@ -1,7 +1,7 @@
-"""Way-points appended to a motion under way: only what comes after its last corner is made anew.
+"""Waypoints appended to a motion under way: only the part after its last corner is planned again.
 
-The corner at the old end is blended as far as the leg before it is still to be driven. Where that is too late, the old
-path is finished and the corner is taken at rest.
+The corner at the old end is blended as far as the leg before it is not driven yet. Where that is too late, the old
+path is finished and the corner is passed at rest.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rackhand.services.controller.trajectory.continuation import Continuation, f
 from rackhand.services.controller.trajectory.curve import JointCurve
 from rackhand.services.controller.trajectory.geometry import JointPath, Legs, TaskPath, Tolerance
 from rackhand.services.controller.trajectory.model import Kinematics
-from rackhand.services.controller.trajectory.stream import Limits, Motion
+from rackhand.services.controller.trajectory.stream import Motion, PathLimits
 from rackhand.services.controller.trajectory.timing import PathConstraints, plan, rows
 
 
@@ -24,7 +24,7 @@ def extend_joints(
     t: float,
     more: JointPath,
     tolerance: Tolerance,
-    limits: Limits,
+    limits: PathLimits,
     kinematics: Kinematics | None = None,
 ) -> Motion:
     """``motion``, from ``t`` on driving ``more`` too, a joint path that begins where that of ``motion`` ends.
@@ -34,7 +34,7 @@ def extend_joints(
     motion = _trimmed(motion, t)
     old = motion.path
     if not isinstance(old, JointPath):
-        raise TypeError("joint way-points do not extend a task path")
+        raise TypeError("joint waypoints do not extend a task path")
 
     def spliced(free: float) -> tuple[Motion, bool]:
         path = old.extended(more, tolerance, free)
@@ -52,7 +52,7 @@ def extend_task(
     t: float,
     more: TaskPath,
     tolerance: Tolerance,
-    limits: Limits,
+    limits: PathLimits,
     kinematics: Kinematics,
     options: Continuation | None = None,
 ) -> Motion:
@@ -60,7 +60,7 @@ def extend_task(
     motion = _trimmed(motion, t)
     old = motion.path
     if not isinstance(old, TaskPath):
-        raise TypeError("task way-points do not extend a joint path")
+        raise TypeError("task waypoints do not extend a joint path")
 
     def spliced(free: float) -> tuple[Motion, bool]:
         path = old.extended(more, tolerance, free)
@@ -80,19 +80,19 @@ def extend_task(
 
 def _trimmed(motion: Motion, t: float) -> Motion:
     """Without what the filter has passed at ``t``: a queue that is appended to for hours stays small."""
-    passed = motion.phase.at(t - motion.planning.smoothing.total)[0]
+    passed = motion.law.at(t - motion.planning.smoothing.total)[0]
     return replace(
         motion,
         path=motion.path.from_(passed),
         curve=motion.curve.from_(passed),
         rows=motion.rows.between(passed),
-        phase=motion.phase,
+        law=motion.law,
     )
 
 
 def _free(motion: Motion, t: float) -> float:
     """How much of the path is still to be planned at ``t``."""
-    return motion.curve.end - motion.phase.at(t)[0]
+    return motion.curve.end - motion.law.at(t)[0]
 
 
 def _corner(new: Legs, old: Legs) -> tuple[float, bool]:

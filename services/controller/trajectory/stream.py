@@ -1,8 +1,8 @@
 """A motion that is under way: sampled at any time, stopped along its path, slowed, resumed, extended.
 
 A ``Motion`` is a value. Every change makes a new one that takes over from the old at the time of the change: the
-planned phase is cut there and goes on differently, and as the filter runs over both parts alike, q, dq and ddq stay
-continuous. Times are seconds on the caller's axis and belong to the commanded motion.
+planned time law is cut there and continues differently, and as the filter runs over both parts alike, q, dq and ddq
+stay continuous. Times are seconds on the caller's axis and belong to the commanded motion.
 """
 
 from __future__ import annotations
@@ -11,16 +11,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.trajectory.continuation import Continuation, follow
 from rackhand.services.controller.trajectory.curve import JointCurve
 from rackhand.services.controller.trajectory.geometry import JointPath, TaskPath, TaskState
-from rackhand.services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
-from rackhand.services.controller.trajectory.phase import TimeLaw, at_rest
+from rackhand.services.controller.trajectory.model import JointLimits, Kinematics, TaskLimits
+from rackhand.services.controller.trajectory.time_law import TimeLaw, at_rest
 from rackhand.services.controller.trajectory.timing import PathConstraints, Planning, Timed, brake, plan, rows
 
 
 @dataclass(frozen=True)
-class Limits:
+class PathLimits:
     """What a path is timed with. ``task`` None leaves the TCP free."""
 
     joints: JointLimits
@@ -41,7 +42,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Motion:
-    """``curve`` q(s) of ``path``, ``rows`` its limits along s, and ``phase``, s(t) before the filter.
+    """``curve`` q(s) of ``path``, ``rows`` its limits along s, and ``law``, s(t) before the filter.
 
     ``use``: how much of velocity, acceleration and jerk limits the last plan uses at worst (1 = all).
     """
@@ -49,7 +50,7 @@ class Motion:
     path: JointPath | TaskPath
     curve: JointCurve
     rows: PathConstraints
-    phase: TimeLaw
+    law: TimeLaw
     planning: Planning
     rate: float = 1.0
     use: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -57,20 +58,15 @@ class Motion:
     @property
     def end(self) -> float:
         """When it is at rest, as planned now."""
-        return self.phase.end + self.planning.smoothing.total
-
-    @property
-    def finishes(self) -> bool:
-        """Whether it drives to the last way-point; False after ``braked``."""
-        return abs(float(self.phase.s[-1]) - self.curve.end) < 1e-9
+        return self.law.end + self.planning.smoothing.total
 
     @property
     def rest(self) -> Array:
         """The joint positions (n,) in which it comes to rest, as planned now."""
-        return np.asarray(self.curve.derivatives(self.phase.s[-1:], left=True)[0, 0])
+        return np.asarray(self.curve.derivatives(self.law.s[-1:], left=True)[0, 0])
 
     def at(self, t: float) -> Sample:
-        s, v, a, _ = self.phase.filtered(np.array([t]), self.planning.smoothing)[0]
+        s, v, a, _ = self.law.filtered(np.array([t]), self.planning.smoothing)[0]
         q, first, second, _ = self.curve.derivatives(np.array([s]))[:, 0]
         task = None
         if isinstance(self.path, TaskPath):
@@ -85,7 +81,7 @@ class Motion:
         return stopped if stopped.end < self.end else self
 
     def scaled(self, t: float, rate: float) -> Motion:
-        """From ``t`` on with velocity limits times ``rate`` in (0, 1]; goes on after ``braked`` too."""
+        """From ``t`` on with velocity limits times ``rate`` in (0, 1]; continues after ``braked`` too."""
         if not 0 < rate <= 1:
             raise ValueError(f"the rate is in (0, 1], not {rate}")
         return replace(self.driven(plan(self.curve, self.rows, self.planning, self.until(t), rate)), rate=rate)
@@ -96,19 +92,19 @@ class Motion:
 
     def shifted(self, by: float) -> Motion:
         """The same, ``by`` seconds later."""
-        return replace(self, phase=replace(self.phase, t=self.phase.t + by))
+        return replace(self, law=replace(self.law, t=self.law.t + by))
 
     def until(self, t: float) -> TimeLaw:
         """What is driven before ``t``, as far back as the filter still sees it."""
-        return self.phase.cut(t, self.planning.smoothing.total)
+        return self.law.cut(t, self.planning.smoothing.total)
 
     def driven(self, timed: Timed) -> Motion:
-        """The same path with another phase."""
-        return replace(self, phase=timed.phase, use=timed.use)
+        """The same path with another law."""
+        return replace(self, law=timed.law, use=timed.use)
 
 
 def start_joints(
-    t: float, path: JointPath, limits: Limits, planning: Planning, kinematics: Kinematics | None = None
+    t: float, path: JointPath, limits: PathLimits, planning: Planning, kinematics: Kinematics | None = None
 ) -> Motion:
     """A motion along a joint path, at rest at ``t``. ``kinematics`` is needed with task limits only."""
     return _start(t, path, path.curve(), limits, planning, kinematics)
@@ -118,12 +114,12 @@ def start_task(
     t: float,
     path: TaskPath,
     q: Array,
-    limits: Limits,
+    limits: PathLimits,
     planning: Planning,
     kinematics: Kinematics,
     options: Continuation | None = None,
 ) -> Motion:
-    """A motion along a task path, at rest at ``t`` in ``q``. Raises ``PathRefused`` (way-points numbered from 0 without
+    """A motion along a task path, at rest at ``t`` in ``q``. Raises ``PathRefused`` (waypoints numbered from 0 without
     the path's first)."""
     return _start(t, path, follow(kinematics, limits.joints, path, q, options=options), limits, planning, kinematics)
 
@@ -132,10 +128,10 @@ def _start(
     t: float,
     path: JointPath | TaskPath,
     curve: JointCurve,
-    limits: Limits,
+    limits: PathLimits,
     planning: Planning,
     kinematics: Kinematics | None,
 ) -> Motion:
     lines = rows(curve, limits.joints, planning, limits.task, path if isinstance(path, TaskPath) else None, kinematics)
     timed = plan(curve, lines, planning, at_rest(t, curve.start))
-    return Motion(path, curve, lines, timed.phase, planning, use=timed.use)
+    return Motion(path, curve, lines, timed.law, planning, use=timed.use)

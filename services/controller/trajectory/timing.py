@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rackhand.runtime.compiled import compiled
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.trajectory.curve import JointCurve
 from rackhand.services.controller.trajectory.geometry import TaskPath
-from rackhand.services.controller.trajectory.model import Array, JointLimits, Kinematics, TaskLimits
-from rackhand.services.controller.trajectory.phase import Smoothing, TimeLaw, at_rest, phase_from
+from rackhand.services.controller.trajectory.model import JointLimits, Kinematics, TaskLimits
+from rackhand.services.controller.trajectory.time_law import Smoothing, TimeLaw, at_rest, time_law_from
 from rackhand.services.controller.trajectory.topp import controllable, drive
 
 _AT_REST = 1e-9
@@ -81,9 +82,9 @@ def rows(
     path: TaskPath | None = None,
     kinematics: Kinematics | None = None,
 ) -> PathConstraints:
-    """PathConstraints of ``curve`` under ``joints`` limits and, if given, ``task`` limits.
+    """The constraints of ``curve`` under ``joints`` limits and, if given, ``task`` limits.
 
-    The TCP's motion is that of ``path`` where the curve follows one; otherwise ``kinematics`` tells it.
+    The TCP's motion is that of ``path`` where the curve follows one; otherwise it is computed by ``kinematics``.
     """
     s, left = _grid(curve, planning)
     q = np.where(left[:, None], curve.derivatives(s, left=True), curve.derivatives(s))
@@ -105,12 +106,12 @@ def rows(
 
 @dataclass(frozen=True)
 class Timed:
-    """A phase, and how much of the velocity, acceleration and jerk limits it uses at worst (1 = all).
+    """A law, and how much of the velocity, acceleration and jerk limits it uses at worst (1 = all).
 
     ``feasible`` is False if the state it began with was too fast for the path.
     """
 
-    phase: TimeLaw
+    law: TimeLaw
     use: tuple[float, float, float]
     feasible: bool = True
 
@@ -118,7 +119,7 @@ class Timed:
 def plan(
     curve: JointCurve, all_rows: PathConstraints, planning: Planning, now: TimeLaw | None = None, rate: float = 1.0
 ) -> Timed:
-    """The fastest phase to the end of the ``curve`` under its rows.
+    """The fastest law to the end of the ``curve`` under its rows.
 
     ``now`` is what has been driven so far, up to the moment at which the plan begins; None begins at rest at time 0.
     ``rate`` in (0, 1] scales the velocity limits.
@@ -130,8 +131,8 @@ def plan(
     for again in range(planning.rounds):
         if max(best.use) <= 1 + planning.slack:
             break
-        ratios = _ratios(curve, here, timed.phase, planning, now.end)
-        _lower(share, here, timed.phase, planning, *ratios, everywhere=again >= planning.rounds // 2)
+        ratios = _ratios(curve, here, timed.law, planning, now.end)
+        _lower(share, here, timed.law, planning, *ratios, everywhere=again >= planning.rounds // 2)
         timed = _timed(curve, here, planning, now, rate, share)
         # What has begun may not allow more caution: then the best so far stays.
         if max(timed.use) < max(best.use):
@@ -149,8 +150,8 @@ def brake(curve: JointCurve, all_rows: PathConstraints, planning: Planning, now:
         if x[-1] > _AT_REST and end == here.s[-1]:
             # Too gentle to stop before the end.
             continue
-        phase = now.then(phase_from(now.end, here.s, x, u, end, planning.smoothing.total))
-        tries.append(Timed(phase, _use(curve, here, phase, planning, now.end)))
+        law = now.then(time_law_from(now.end, here.s, x, u, end, planning.smoothing.total))
+        tries.append(Timed(law, _use(curve, here, law, planning, now.end)))
         if max(tries[-1].use) <= 1 + planning.slack:
             break
     return min(tries, key=lambda tried: max(tried.use))
@@ -165,28 +166,28 @@ def _timed(
     x0, reserve = float(now.v[-1]) ** 2, 1 - planning.acceleration
     beta = controllable(here.s, here.A, here.B, share[1], ceiling)
     x, u, end = drive(here.s, here.A, here.B, share[1], beta, x0, reserve, False)
-    phase = now.then(phase_from(now.end, here.s, x, u, end, planning.smoothing.total))
+    law = now.then(time_law_from(now.end, here.s, x, u, end, planning.smoothing.total))
     if x[ceiling == 0].max() > _AT_REST:
-        return Timed(phase, (np.inf, np.inf, np.inf), feasible=False)
-    use = _use(curve, here, phase, planning, now.end)
-    return Timed(phase, use, x0 <= (1 + 2 * reserve) * beta[0] + 1e-12)
+        return Timed(law, (np.inf, np.inf, np.inf), feasible=False)
+    use = _use(curve, here, law, planning, now.end)
+    return Timed(law, use, x0 <= (1 + 2 * reserve) * beta[0] + 1e-12)
 
 
 def _use(
-    curve: JointCurve, here: PathConstraints, phase: TimeLaw, planning: Planning, start: float
+    curve: JointCurve, here: PathConstraints, law: TimeLaw, planning: Planning, start: float
 ) -> tuple[float, float, float]:
-    worst = _ratios(curve, here, phase, planning, start)[1].max(axis=0, initial=0.0)
+    worst = _ratios(curve, here, law, planning, start)[1].max(axis=0, initial=0.0)
     return float(worst[0]), float(worst[1]), float(worst[2])
 
 
 def _ratios(
-    curve: JointCurve, here: PathConstraints, phase: TimeLaw, planning: Planning, start: float
+    curve: JointCurve, here: PathConstraints, law: TimeLaw, planning: Planning, start: float
 ) -> tuple[Array, Array]:
     """Times (k,) from ``start`` on, and (k, 3) the largest use of velocity, acceleration and jerk limits at each."""
-    end = phase.end + planning.smoothing.total
+    end = law.end + planning.smoothing.total
     # Very long motions are checked more coarsely rather than for minutes.
     t = np.arange(start, end, max(planning.check, (end - start) / _MOST_CHECKS))
-    filtered = phase.filtered(t, planning.smoothing)
+    filtered = law.filtered(t, planning.smoothing)
     v, a, j = filtered[:, 1:, None].transpose(1, 0, 2)
     _, d1, d2, d3 = curve.derivatives(np.ascontiguousarray(filtered[:, 0]))
     limits = here.joints[np.minimum(np.searchsorted(here.s, filtered[:, 0]), here.s.size - 1)]
@@ -198,12 +199,12 @@ def _ratios(
 
 
 def _lower(
-    share: Array, here: PathConstraints, phase: TimeLaw, planning: Planning, t: Array, ratios: Array, everywhere: bool
+    share: Array, here: PathConstraints, law: TimeLaw, planning: Planning, t: Array, ratios: Array, everywhere: bool
 ) -> None:
     """Lowers the shares wherever the filter saw what breaks a limit, and as far again before and after."""
     factor = np.ones_like(share)
     for k in np.flatnonzero(ratios.max(axis=1) > 1 + planning.slack):
-        low, high = phase.at(t[k] - planning.smoothing.total)[0], phase.at(t[k])[0]
+        low, high = law.at(t[k] - planning.smoothing.total)[0], law.at(t[k])[0]
         first = max(int(np.searchsorted(here.s, 2 * low - high)) - 1, 0)
         window = slice(first, int(np.searchsorted(here.s, 2 * high - low, side="right")) + 1)
         # What cannot be mended, since it has begun, must not bring the rest to a standstill.
@@ -251,10 +252,10 @@ def _widened(array: Array, width: int) -> Array:
 
 
 @compiled
-def _measure(S: Array, speed: Array, A: Array, B: Array, phase: Array, out: Array) -> None:
-    """Raises ``out`` (k, 3) to what the filtered phase (k, 4) uses of the TCP's limits, linear between grid points."""
-    for m in range(phase.shape[0]):
-        s, v, a = phase[m, 0], phase[m, 1], phase[m, 2]
+def _measure(S: Array, speed: Array, A: Array, B: Array, law: Array, out: Array) -> None:
+    """Raises ``out`` (k, 3) to what the filtered law (k, 4) uses of the TCP's limits, linear between grid points."""
+    for m in range(law.shape[0]):
+        s, v, a = law[m, 0], law[m, 1], law[m, 2]
         k = min(max(np.searchsorted(S, s, side="right"), 1), S.size - 1)
         h = S[k] - S[k - 1]
         w = min(max((s - S[k - 1]) / h, 0.0), 1.0) if h > 0 else 1.0

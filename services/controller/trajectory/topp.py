@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from rackhand.runtime.compiled import compiled
-from rackhand.services.controller.trajectory.model import Array
+from rackhand.schemas.arrays import Array
 
 _TINY = 1e-12
 

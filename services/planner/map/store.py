@@ -1,11 +1,16 @@
-"""Maps in SQLite: the stored ones, and the one in use as it was when it was chosen."""
+"""Maps in memory and in SQLite: the stored ones, and the one in use as it was when it was chosen."""
 
 from __future__ import annotations
 
 import hashlib
+from collections import deque
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 from pydantic import ValidationError
 
+from rackhand.runtime.store import Settled, Store
 from rackhand.schemas.codec import explain
 from rackhand.schemas.maps import CreateMap, MapData, MapSummary, Overlays
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
@@ -15,38 +20,64 @@ from rackhand.services.planner.map.directory import DirectoryMap
 
 NOT_STORED = -1
 _DIRECTORY_UID = "map_directory_uid"
+_INSERT = "INSERT INTO maps (id, uid, record, png) VALUES (?, ?, ?, ?)"
+_UPDATE = "UPDATE maps SET uid = ?, record = ? WHERE id = ?"
+_DELETE = "DELETE FROM maps WHERE id = ?"
+_USE = "INSERT OR REPLACE INTO current_map VALUES (1, ?, ?)"
+_USE_NONE = "DELETE FROM current_map"
+_SET_META = "INSERT OR REPLACE INTO meta VALUES (?, ?)"
+
+Statement = tuple[str, tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
+class MapTable:
+    """All stored maps by id, ascending; the one in use; the highest id that was ever used."""
+
+    maps: dict[int, MapData] = field(default_factory=dict)
+    current: MapData | None = None
+    last_id: int = 0
 
 
 class MapStore:
     """The maps of a store. Ids are never used twice. All requests raise ``RequestRefused`` saying why not.
 
     The map in use is a copy: patching or deleting the stored one does not change what the robot drives by, until it is
-    selected again. Maps are to be checked (``map_check``) before they come here.
+    selected again. Maps are to be checked (``map_check``) before they come here. While the planner runs, memory is the
+    truth: nothing here waits for the disk. A change that cannot be written is undone by ``settle``.
     """
 
-    def __init__(self, database: Database) -> None:
-        self._database = database
-        self.current: MapData | None = self._read_current()
+    def __init__(self, store: Store[Database]) -> None:
+        self._store = store
+        self._table = self._written = store.call(_load)
+        self._unwritten: deque[tuple[int, MapTable]] = deque()  # numbers of jobs, and the table after each
+
+    @property
+    def current(self) -> MapData | None:
+        return self._table.current
 
     def list(self) -> tuple[MapSummary, ...]:
-        rows = self._database.connection.execute("SELECT id, record FROM maps ORDER BY id")
-        return tuple(_summary(_read(map_id, record, b"")) for map_id, record in rows)
+        return tuple(_summary(data) for data in self._table.maps.values())
 
     def get(self, map_id: int) -> MapData:
-        return self._find("id", map_id if -(2**63) <= map_id < 2**63 else 0, f"there is no map {map_id}")
+        data = self._table.maps.get(map_id)
+        if data is None:
+            raise RequestRefused(RefusalCode.NOT_FOUND, f"there is no map {map_id}")
+        return data
 
     def get_by_uid(self, uid: str) -> MapData:
-        return self._find("uid", uid, f"there is no map with uid {uid!r}")
+        for data in self._table.maps.values():
+            if data.uid == uid:
+                return data
+        raise RequestRefused(RefusalCode.NOT_FOUND, f"there is no map with uid {uid!r}")
 
     def create(self, created: CreateMap, now: int) -> MapData:
-        with self._database.transaction() as connection:
-            taken = connection.execute("SELECT id FROM maps WHERE uid = ?", (created.uid,)).fetchone()
-            if taken:
-                raise RequestRefused(RefusalCode.INVALID, f"uid: {created.uid!r} is already that of map {taken[0]}")
-            # A placeholder first: the id is part of what a generated uid is made from.
-            cursor = connection.execute("INSERT INTO maps (uid, record, png) VALUES ('', '', ?)", (created.png,))
-            data = _to_data(created, int(cursor.lastrowid or 0), now)
-            self._write(data)
+        taken = next((data.id for data in self._table.maps.values() if data.uid == created.uid), None)
+        if taken is not None:
+            raise RequestRefused(RefusalCode.INVALID, f"uid: {created.uid!r} is already that of map {taken}")
+        data = _to_data(created, self._table.last_id + 1, now)
+        table = replace(self._table, maps=self._table.maps | {data.id: data}, last_id=data.id)
+        self._change(table, (_INSERT, (data.id, data.uid, _record(data), data.png)))
         return data
 
     def patch(self, map_id: int, map_name: str | None, overlays: Overlays | None, now: int) -> MapData:
@@ -57,64 +88,89 @@ class MapStore:
         if overlays is not None:
             update |= {"overlays": overlays, "overlays_version": data.overlays_version + 1}
         data = data.model_copy(update=update)
-        self._write(data)
+        table = replace(self._table, maps=self._table.maps | {data.id: data})
+        self._change(table, (_UPDATE, (data.uid, _record(data), data.id)))
         return data
 
     def delete(self, map_id: int) -> bool:
         """True if it was the map in use: that goes on as one that is not stored."""
         self.get(map_id)
-        with self._database.transaction() as connection:
-            connection.execute("DELETE FROM maps WHERE id = ?", (map_id,))
-            if self.current is None or self.current.id != map_id:
-                return False
-            self.use(self.current.model_copy(update={"id": NOT_STORED}))
-        return True
+        table = replace(self._table, maps={key: data for key, data in self._table.maps.items() if key != map_id})
+        in_use = self.current is not None and self.current.id == map_id
+        statements: list[Statement] = [(_DELETE, (map_id,))]
+        if in_use and self.current is not None:
+            table = replace(table, current=self.current.model_copy(update={"id": NOT_STORED}))
+            statements.append(_use(table.current))
+        self._change(table, *statements)
+        return in_use
 
     def use(self, data: MapData | None) -> None:
         """Choose the map in use; it is still so after a restart."""
-        connection = self._database.connection
-        if data is None:
-            connection.execute("DELETE FROM current_map")
-        else:
-            connection.execute("INSERT OR REPLACE INTO current_map VALUES (1, ?, ?)", (_record(data), data.png))
-        self.current = data
+        self._change(replace(self._table, current=data), _use(data))
 
     def import_directory(self, found: DirectoryMap) -> bool:
         """Store and choose the map of a directory, unless the last start did that with the very same map.
 
-        So a choice made since then persists, and a world that was changed or swapped is taken up.
+        So a choice made since then persists, and a world that was changed or swapped is taken up. For start-up: it
+        waits for the disk, and raises what goes wrong there.
         """
         uid = found.map.uid
-        if uid is None or self._database.get(_DIRECTORY_UID) == uid:
+        if uid is None or self._store.call(lambda database: database.get(_DIRECTORY_UID)) == uid:
             return False
-        try:
-            data = self.get_by_uid(uid)
-        except RequestRefused:
-            data = self.create(found.map, found.changed)
-        with self._database.transaction():
-            self.use(data)
-            self._database.set(_DIRECTORY_UID, uid)
+        data = next((data for data in self._table.maps.values() if data.uid == uid), None)
+        statements: list[Statement] = []
+        table = self._table
+        if data is None:
+            data = _to_data(found.map, table.last_id + 1, found.changed)
+            table = replace(table, maps=table.maps | {data.id: data}, last_id=data.id)
+            statements.append((_INSERT, (data.id, data.uid, _record(data), data.png)))
+        statements += [_use(data), (_SET_META, (_DIRECTORY_UID, uid))]
+        self._store.call(partial(_execute, statements=tuple(statements)))
+        self._table = self._written = replace(table, current=data)
         return True
 
-    def _find(self, column: str, value: int | str, missing: str) -> MapData:
-        rows = self._database.connection.execute(f"SELECT id, record, png FROM maps WHERE {column} = ?", (value,))
-        for row in rows:
-            return _read(*row)
-        raise RequestRefused(RefusalCode.NOT_FOUND, missing)
+    def settle(self, settled: Settled) -> bool:
+        """The disk's answer to a job. True if a change could not be written: the maps are as they were before it, and
+        before all changes since."""
+        if not any(number == settled.number for number, _ in self._unwritten):
+            return False
+        if settled.error is not None:
+            self._table = self._written
+            self._unwritten.clear()
+            return True
+        while self._unwritten and self._unwritten[0][0] <= settled.number:
+            _, self._written = self._unwritten.popleft()
+        return False
 
-    def _write(self, data: MapData) -> None:
-        self._database.connection.execute(
-            "UPDATE maps SET uid = ?, record = ? WHERE id = ?", (data.uid, _record(data), data.id)
-        )
-
-    def _read_current(self) -> MapData | None:
-        row = self._database.connection.execute("SELECT record, png FROM current_map").fetchone()
-        return None if row is None else _read("in use", *row)
+    def _change(self, table: MapTable, *statements: Statement) -> None:
+        number = self._store.submit(partial(_execute, statements=statements))
+        self._table = table
+        if number:
+            self._unwritten.append((number, table))
+        else:
+            self._written = table
 
 
 def unstored(created: CreateMap, now: int) -> MapData:
     """A map given whole, to be used and not kept among the stored ones."""
     return _to_data(created, NOT_STORED, now)
+
+
+def _load(database: Database) -> MapTable:
+    rows = database.connection.execute("SELECT id, record, png FROM maps ORDER BY id")
+    maps = {row[0]: _read(*row) for row in rows}
+    current = database.connection.execute("SELECT record, png FROM current_map").fetchone()
+    return MapTable(maps, None if current is None else _read("in use", *current), database.last_id("maps"))
+
+
+def _execute(database: Database, statements: tuple[Statement, ...]) -> None:
+    with database.transaction() as connection:
+        for sql, values in statements:
+            connection.execute(sql, values)
+
+
+def _use(data: MapData | None) -> Statement:
+    return (_USE_NONE, ()) if data is None else (_USE, (_record(data), data.png))
 
 
 def _to_data(created: CreateMap, map_id: int, now: int) -> MapData:

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from rackhand.schemas.planar import yaw_quaternion
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.sim.actors.walkers import Walker
 from rackhand.services.sim.errors import unknown
 from rackhand.services.sim.mjcf.layers import PARKED_GROUP, VISIBLE_GROUP
-from rackhand.services.sim.mjcf.scene import PARKED_Z, SLOTS, slot_name, yaw_quaternion
+from rackhand.services.sim.mjcf.scene import PARKED_Z, SLOTS, slot_name
 from rackhand.worlds.data import PoseTuple
 
 PERSON_SIZE = (0.25, 1.75)

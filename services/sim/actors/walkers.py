@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rackhand.services.sim.mjcf.geometry import wrap
+from rackhand.schemas.planar import wrap
 from rackhand.worlds.data import Point, PoseTuple
 
 # A walker stands still while a robot's body is nearer than this in front of it, as people do. It looks ahead, not

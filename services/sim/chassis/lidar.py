@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import Scan
-from rackhand.services.sim.mjcf.geometry import wrap
+from rackhand.schemas.planar import wrap
 from rackhand.services.sim.mjcf.layers import VISIBLE_GROUP
 from rackhand.worlds.chassis_model import LidarKind
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.chassis import Odometry
+from rackhand.schemas.planar import wrap
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.mjcf.geometry import wrap
 from rackhand.worlds.chassis_model import WheelDrive
 
 

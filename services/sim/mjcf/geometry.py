@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from rackhand.worlds.data import PoseTuple
+from rackhand.schemas.planar import transform
 from rackhand.worlds.world_model import Box, Charger, Cylinder, StaticThing, Wall
 
 
@@ -80,19 +80,6 @@ def charger_shapes(charger: Charger) -> tuple[Shape, ...]:
     shapes = [Shape("box", x, y, back_height / 2, yaw, depth / 2, width / 2, back_height / 2, _CHARGER_COLOUR)]
     for side in (1, -1):
         turned = side * (math.pi / 2 - CHARGER_V_ANGLE)
-        offset = (depth / 2 + length / 2 * math.cos(turned), length / 2 * math.sin(turned))
-        px, py = transform(charger.pose, offset)
+        px, py = transform(charger.pose, depth / 2 + length / 2 * math.cos(turned), length / 2 * math.sin(turned))
         shapes.append(Shape("box", px, py, z, yaw + turned, length / 2, thickness / 2, z, _CHARGER_COLOUR))
     return tuple(shapes)
-
-
-def transform(pose: PoseTuple, point: tuple[float, float]) -> tuple[float, float]:
-    """A point of the pose's frame in the frame the pose is given in."""
-    x, y, yaw = pose
-    c, s = math.cos(yaw), math.sin(yaw)
-    return x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]
-
-
-def wrap(angle: float) -> float:
-    """The angle in (-π, π]."""
-    return math.pi - (math.pi - angle) % (2 * math.pi)

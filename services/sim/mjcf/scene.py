@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 import mujoco
 
+from rackhand.schemas.planar import yaw_quaternion
 from rackhand.services.sim.mjcf import layers
 from rackhand.services.sim.mjcf.arm_model import add_arm
 from rackhand.services.sim.mjcf.chassis_model import add_chassis
@@ -159,8 +159,3 @@ def _add_slot(spec: Any, kind: str, index: int) -> None:
     geom = body.add_geom(name=name, type=_SLOT_GEOMS[kind], size=[0.2, 0.2, 0.2], rgba=_SLOT_COLOURS[kind])
     _apply(geom, layers.OBSTACLE)
     geom.group = layers.PARKED_GROUP
-
-
-def yaw_quaternion(yaw: float) -> list[float]:
-    """The rotation by ``yaw`` about z as w, x, y, z."""
-    return [math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)]

@@ -1,7 +1,7 @@
 """Priority access under everything at once: random clients, time, crashes, late and replayed samples.
 
 ``RACKHAND_FUZZ_EXAMPLES`` sets the number of runs. The rules hold no copy of the machine: the ledger is kept from the
-events it publishes, the arm from the orders it gives, and the guarantees are checked on those.
+events it publishes, the arm from its motion effects, and the guarantees are checked on those.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class PriorityAccess(RuleBasedStateMachine):
         before = self.access.token
         outcome = self.access.handle(happened, self.now)
         lost_reasons = self.follow_events(outcome)
-        self.follow_orders(outcome, lost_reasons)
+        self.follow_effects(outcome, lost_reasons)
         after = self.access.token
         assert after.lease >= before.lease
         if outcome.events and any(e.name in ("controlGranted", "controlLost") for e in outcome.events):
@@ -118,19 +118,19 @@ class PriorityAccess(RuleBasedStateMachine):
                 self.lease = Lease(*key, event.info.lease_id, at, keep_alive, on_loss)
         return lost
 
-    def follow_orders(self, outcome: Outcome, lost: list[tuple[str, str]]) -> None:
+    def follow_effects(self, outcome: Outcome, lost: list[tuple[str, str]]) -> None:
         moving = self.mover is not None
-        for order in outcome.orders:
-            assert order.serial > self.last_serial
-            self.last_serial = order.serial
-            if isinstance(order, StopMotion):
+        for effect in outcome.motion:
+            assert effect.serial > self.last_serial
+            self.last_serial = effect.serial
+            if isinstance(effect, StopMotion):
                 self.mover = self.reference_at = None
                 self.guard.stop(self.now)
             else:
-                assert isinstance(order, ContinueMotion)
+                assert isinstance(effect, ContinueMotion)
         for reason, on_loss in lost:
             if moving and reason in ("expired", "disconnected", "heartbeat") and on_loss != "finishPath":
-                assert any(isinstance(order, StopMotion) for order in outcome.orders), f"{reason} without a stop"
+                assert any(isinstance(effect, StopMotion) for effect in outcome.motion), f"{reason} without a stop"
 
     def live(self) -> Lease | None:
         """The holder whose time has not run out."""
@@ -166,17 +166,17 @@ class PriorityAccess(RuleBasedStateMachine):
         )
         forced = force and role == FORCE_ROLE
         allowed = held is None or same or priority < held.priority or forced
-        assert outcome.verdict.ok == bool(allowed)
+        assert outcome.decision.ok == bool(allowed)
         if allowed:
             assert self.lease and (self.lease.client, self.lease.priority) == key
             self.lease.refreshed, self.lease.keep_alive, self.lease.on_loss = self.asked[key]
             self.check_takeover(outcome, client, mover, takeover)
-            assert outcome.verdict.token
-            self.tokens.append((client, outcome.verdict.token))
+            assert outcome.decision.token
+            self.tokens.append((client, outcome.decision.token))
 
     def check_takeover(self, outcome: Outcome, client: str, mover: str | None, takeover: str) -> None:
         if mover not in (None, client):
-            stopped = any(isinstance(order, StopMotion) and order.clear for order in outcome.orders)
+            stopped = any(isinstance(effect, StopMotion) and effect.clear for effect in outcome.motion)
             assert stopped == (takeover == "stop"), "a foreign queue is cleared, unless it is taken over explicitly"
             if not stopped:
                 self.mover = client
@@ -224,23 +224,23 @@ class PriorityAccess(RuleBasedStateMachine):
             self.asked[key] = (self.now, self.config.keep_alive_ns, self.config.on_loss)
         before = self.access.token
         outcome = self.do(command)
-        verdict = outcome.verdict
-        if not verdict.ok:
-            assert not outcome.orders and not outcome.events and self.access.token == before
+        decision = outcome.decision
+        if not decision.ok:
+            assert not outcome.motion and not outcome.events and self.access.token == before
             return
         assert held is None or same or priority < held.priority, f"{key} moved the arm while {held} lives"
         if command.lease is not None:
             assert held and held.client == client and command.epoch == before.epoch and command.lease == before.lease
         assert stopped_by in (None, client) or command.resumes, "a latched stop was moved away"
-        assert self.lease and verdict.token == self.access.token
+        assert self.lease and decision.token == self.access.token
         self.lease.refreshed = self.now
         self.check_takeover(outcome, client, mover, command.takeover)
-        assert verdict.serial >= self.last_serial
-        self.last_serial = verdict.serial
-        if command.moves or any(isinstance(order, ContinueMotion) for order in outcome.orders):
+        assert decision.serial >= self.last_serial
+        self.last_serial = decision.serial
+        if command.moves or any(isinstance(effect, ContinueMotion) for effect in outcome.motion):
             self.mover = client
         self.commands.append(command)
-        self.tokens.append((client, verdict.token))
+        self.tokens.append((client, decision.token))
 
     @precondition(lambda self: self.lease)
     @rule(sequence=st.integers(0, 6), age_ms=st.sampled_from([None, 0, 50, 150, 5000]))
@@ -257,9 +257,9 @@ class PriorityAccess(RuleBasedStateMachine):
     @rule(client=CLIENTS, kind=st.sampled_from(["softStop", "hardStop"]), priority=st.none() | PRIORITIES)
     def stop(self, client: str, kind: Any, priority: int | None) -> None:
         outcome = self.do(Stop(Caller(client), kind, priority))
-        assert outcome.verdict.ok, "a stop was refused"
-        order = outcome.orders[-1]
-        assert isinstance(order, StopMotion) and order.kind == kind and order.clear
+        assert outcome.decision.ok, "a stop was refused"
+        effect = outcome.motion[-1]
+        assert isinstance(effect, StopMotion) and effect.kind == kind and effect.clear
         assert self.mover is None
         if self.lease and self.lease.client == client:
             self.lease.refreshed = self.now
@@ -273,7 +273,7 @@ class PriorityAccess(RuleBasedStateMachine):
 
     @rule(client=CLIENTS)
     def heartbeat(self, client: str) -> None:
-        if self.do(Beat(Caller(client))).verdict.ok:
+        if self.do(Beat(Caller(client))).decision.ok:
             self.refreshed_by(client)
 
     def refreshed_by(self, client: str) -> None:
@@ -292,7 +292,7 @@ class PriorityAccess(RuleBasedStateMachine):
 
     @rule(late=st.integers(0, 3))
     def rest(self, late: int) -> None:
-        """The arm reports rest, perhaps of some orders ago."""
+        """The arm reports rest, perhaps of some effects ago."""
         serial = max(self.last_serial - late, 0)
         self.do(AtRest(serial))
         if serial == self.last_serial:

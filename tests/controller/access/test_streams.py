@@ -39,9 +39,9 @@ def test_late_and_replayed_samples_are_refused_and_refresh_nothing() -> None:
         (StreamSample(token(1), sequence=6, stamp=39 * MS), "after 40000000"),
         (StreamSample(token(1), sequence=6, stamp=400 * MS), "ms old"),
     ):
-        verdict = guard.offer(stale, 90 * MS)
-        assert (verdict.ok, verdict.code) == (False, CrfCode.PreconditionFailed)
-        assert verdict.detail is RefusalDetail.STALE_SAMPLE and why in verdict.text
+        decision = guard.offer(stale, 90 * MS)
+        assert (decision.ok, decision.code) == (False, CrfCode.PreconditionFailed)
+        assert decision.detail is RefusalDetail.STALE_SAMPLE and why in decision.text
     assert guard.expired(150 * MS)
     assert not guard.offer(StreamSample(token(1), sequence=6, stamp=45 * MS), 150 * MS).ok, "105 ms old"
     assert guard.offer(StreamSample(token(2), sequence=0), 150 * MS).ok, "a new lease counts anew"

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from rackhand.services.controller.motion.plan_worker import FIRST_LEAD, LEAD_PER_POINT, PathPlanner
-from rackhand.services.controller.motion.profile import Profile, path_arm
+from rackhand.services.controller.motion.profile import MotionProfile, path_arm
 from rackhand.services.controller.trajectory.model import PathRefused
 from rackhand.services.controller.trajectory.queue import MotionQueue
 from tests.controller.cell import UR5E
 
 PERIOD = 0.004
-IDLE = MotionQueue(path_arm(UR5E, Profile.default(UR5E)), UR5E.home)
+IDLE = MotionQueue(path_arm(UR5E, MotionProfile.default(UR5E)), UR5E.home)
 
 
 class Manual(Executor):
@@ -50,7 +50,7 @@ def test_from_rest_a_plan_is_driven_as_soon_as_it_is_there() -> None:
     executor.finish()
     answers, queue = planner.collect(0.5, tick=True, lockstep=False)
     assert [(a.ticket, a.error, a.first) for a in answers] == [("a", None, True)]
-    assert queue is not None and queue.legs[0].begin == 0.5
+    assert queue is not None and queue.motions[0].begin == 0.5
     assert np.array_equal(queue.at(0.5).q, UR5E.home)
     assert not planner.busy
 

@@ -47,7 +47,7 @@ class Bench:
 
     def take(self, turn: DispatchResult) -> None:
         self.turn = turn
-        if any(isinstance(order, StopMotion) for order in turn.orders):
+        if any(isinstance(effect, StopMotion) for effect in turn.motion):
             self.queue.clear()
 
     def carry_out(self, granted: GrantedCommand) -> bytes:

@@ -270,7 +270,7 @@ def test_a_change_of_holder_orders_the_stop_before_the_command() -> None:
     bench = Bench()
     bench.ask("a", **PATH)
     turn = bench.dispatcher.request("b", json.dumps({**PATH, "priority": 5}), 0)
-    assert [type(order) for order in turn.orders] == [StopMotion]
+    assert [type(effect) for effect in turn.motion] == [StopMotion]
     assert turn.granted and turn.granted.decision.after_rest
     told = [(e.name, e.to, bench.dispatcher.recipient(e.to)) for e in turn.events]
     assert told == [("controlLost", alias("a"), "a"), ("controlGranted", alias("b"), "b")]

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.trajectory.continuation import pose_error
-from rackhand.services.controller.trajectory.model import Array, JointLimits, Pose
+from rackhand.services.controller.trajectory.model import JointLimits, TcpPose
 
 
 @dataclass(frozen=True)
 class Chain:
-    """PathConstraints of ``table`` (n, 3) are a, alpha, d. ``modified``: Craig's convention, else the classic one."""
+    """Rows of ``table`` (n, 3) are a, alpha, d. ``modified``: Craig's convention, else the classic one."""
 
     table: Array
     modified: bool = False
@@ -28,9 +29,9 @@ class Chain:
             frames.append(frames[-1] @ (along @ turn if self.modified else turn @ along))
         return frames
 
-    def forward(self, q: Array) -> Pose:
+    def forward(self, q: Array) -> TcpPose:
         tip = self.frames(q)[-1]
-        return Pose(tip[:3, 3], tip[:3, :3])
+        return TcpPose(tip[:3, 3], tip[:3, :3])
 
     def jacobian(self, q: Array) -> Array:
         frames = self.frames(q)
@@ -38,7 +39,7 @@ class Chain:
         tip = frames[-1][:3, 3]
         return np.array([[*np.cross(f[:3, 2], tip - f[:3, 3]), *f[:3, 2]] for f in joints]).T
 
-    def solve(self, pose: Pose, q_near: Array) -> Array | None:
+    def solve(self, pose: TcpPose, q_near: Array) -> Array | None:
         q = q_near
         for _ in range(100):
             error = pose_error(self.forward(q), pose)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rackhand.services.controller.trajectory.model import Array, JointLimits
+from rackhand.schemas.arrays import Array
+from rackhand.services.controller.trajectory.model import JointLimits
 from rackhand.services.controller.trajectory.stream import Sample
 
 

@@ -3,9 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.trajectory.continuation import follow, pose_error
 from rackhand.services.controller.trajectory.geometry import TaskPath, Tolerance, rotation_exp, task_path
-from rackhand.services.controller.trajectory.model import Array, JointLimits, PathRefused, Pose
+from rackhand.services.controller.trajectory.model import JointLimits, PathRefused, TcpPose
 from tests.controller.trajectory.arms import FR3, FR3_HOME, FR3_LIMITS, UR5E, UR5E_HOME, UR5E_LIMITS, Chain
 
 ARMS = pytest.mark.parametrize(
@@ -13,11 +14,11 @@ ARMS = pytest.mark.parametrize(
 )
 
 
-def moved(pose: Pose, by: tuple[float, float, float], turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Pose:
-    return Pose(pose.translation + np.array(by), pose.rotation @ rotation_exp(np.array(turn)))
+def moved(pose: TcpPose, by: tuple[float, float, float], turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> TcpPose:
+    return TcpPose(pose.translation + np.array(by), pose.rotation @ rotation_exp(np.array(turn)))
 
 
-def square(start: Pose, side: float) -> TaskPath:
+def square(start: TcpPose, side: float) -> TaskPath:
     corners = [(0.0, 0, 0), (0, side, 0), (0, side, -side), (0, 0, -side), (0, 0, 0)]
     return task_path([moved(start, corner) for corner in corners], Tolerance())
 
@@ -48,9 +49,7 @@ def test_a_point_out_of_reach_is_refused_with_its_number_and_the_distance(
 ) -> None:
     start = arm.forward(home)
     path = task_path([start, moved(start, (0, 0.1, 0)), moved(start, (0, 2.0, 0))], Tolerance())
-    with pytest.raises(
-        PathRefused, match=r"way-point 1: out of reach: .* m of path before it .* mm and .*°"
-    ) as refused:
+    with pytest.raises(PathRefused, match=r"waypoint 1: out of reach: .* m of path before it .* mm and .*°") as refused:
         follow(arm, limits, path, home)
     assert refused.value.point == 1
 
@@ -59,7 +58,7 @@ def test_a_joint_that_would_leave_its_limits_refuses_the_path() -> None:
     limits = JointLimits(UR5E_HOME - 0.2, UR5E_HOME + 0.2, *(np.ones(6),) * 3)
     start = UR5E.forward(UR5E_HOME)
     path = task_path([start, moved(start, (0, 0.3, 0))], Tolerance())
-    with pytest.raises(PathRefused, match=r"way-point 0: on the way to it joint \d at .* rad outside"):
+    with pytest.raises(PathRefused, match=r"waypoint 0: before it, joint \d at .* rad outside"):
         follow(UR5E, limits, path, UR5E_HOME)
 
 

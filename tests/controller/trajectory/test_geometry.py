@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.trajectory.geometry import (
     Tolerance,
     joint_path,
@@ -13,7 +14,7 @@ from rackhand.services.controller.trajectory.geometry import (
     rotation_log,
     task_path,
 )
-from rackhand.services.controller.trajectory.model import Array, Pose
+from rackhand.services.controller.trajectory.model import TcpPose
 
 TOLERANCE = Tolerance(joint=0.05, position=0.01, angle=0.05)
 SEEDS = st.integers(0, 10_000)
@@ -24,14 +25,14 @@ def joints(seed: int) -> Array:
     return rng.normal(size=(rng.integers(2, 8), 6)) * rng.choice([0.02, 0.3, 2.0])
 
 
-def poses(seed: int) -> list[Pose]:
+def poses(seed: int) -> list[TcpPose]:
     rng = np.random.default_rng(seed)
     size = rng.choice([0.01, 0.3])
     # Every other leg only turns, and one goes straight on.
-    made = [Pose(rng.normal(size=3) * size, rotation_exp(rng.normal(size=3) * size))]
+    made = [TcpPose(rng.normal(size=3) * size, rotation_exp(rng.normal(size=3) * size))]
     for i in range(5):
         step = rng.normal(size=3) * size * (i % 2)
-        made.append(Pose(made[-1].translation + step, made[-1].rotation @ rotation_exp(rng.normal(size=3) * size)))
+        made.append(TcpPose(made[-1].translation + step, made[-1].rotation @ rotation_exp(rng.normal(size=3) * size)))
     return made
 
 

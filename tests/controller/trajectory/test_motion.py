@@ -5,12 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.trajectory.continuation import pose_error
 from rackhand.services.controller.trajectory.geometry import Tolerance, joint_path, rotation_exp, task_path
 from rackhand.services.controller.trajectory.joint_stop import stop_joints
-from rackhand.services.controller.trajectory.model import Array, PathRefused, Pose, TaskLimits
+from rackhand.services.controller.trajectory.model import PathRefused, TaskLimits, TcpPose
 from rackhand.services.controller.trajectory.splice import extend_joints, extend_task
-from rackhand.services.controller.trajectory.stream import Limits, Motion, Sample, start_joints, start_task
+from rackhand.services.controller.trajectory.stream import Motion, PathLimits, Sample, start_joints, start_task
 from rackhand.services.controller.trajectory.timing import Planning
 from tests.controller.trajectory.arms import FR3, FR3_LIMITS, UR5E, UR5E_HOME, UR5E_LIMITS
 from tests.controller.trajectory.helpers import record
@@ -23,12 +24,12 @@ SPLICED = 1.02
 """What changes under way mixes two plans in the filter."""
 SEEDS = st.integers(0, 100_000)
 PARTS = st.floats(0.02, 0.98)
-FREE = Limits(FR3_LIMITS)
+FREE = PathLimits(FR3_LIMITS)
 SLOW = TaskLimits(np.full(6, 0.25), np.full(6, 1.0))
 FAST = TaskLimits(np.full(6, 1.5), np.full(6, 8.0))
 
 
-def way_points(seed: int) -> Array:
+def waypoints(seed: int) -> Array:
     rng = np.random.default_rng(seed)
     middle, half = (FR3_LIMITS.upper + FR3_LIMITS.lower) / 2, (FR3_LIMITS.upper - FR3_LIMITS.lower) / 2
     scale = rng.choice([0.05, 0.3, 1.0])
@@ -36,15 +37,15 @@ def way_points(seed: int) -> Array:
 
 
 def moving(seed: int) -> Motion:
-    return start_joints(0.0, joint_path(way_points(seed), TOLERANCE), FREE, PLANNING)
+    return start_joints(0.0, joint_path(waypoints(seed), TOLERANCE), FREE, PLANNING)
 
 
-def square(task: TaskLimits, side: float = 0.3) -> tuple[Motion, list[Pose]]:
+def square(task: TaskLimits, side: float = 0.3) -> tuple[Motion, list[TcpPose]]:
     start = UR5E.forward(UR5E_HOME)
     corners = [(0.0, 0, 0), (0, side, 0), (0, side, side), (0, 0, side), (0, 0, 0)]
-    poses = [Pose(start.translation + np.array(corner), start.rotation) for corner in corners]
+    poses = [TcpPose(start.translation + np.array(corner), start.rotation) for corner in corners]
     path = task_path(poses, TOLERANCE)
-    return start_task(0.0, path, UR5E_HOME, Limits(UR5E_LIMITS, task), PLANNING, UR5E), poses
+    return start_task(0.0, path, UR5E_HOME, PathLimits(UR5E_LIMITS, task), PLANNING, UR5E), poses
 
 
 def changed(before: Motion, after: Motion, t: float, start: float, limits=FR3_LIMITS) -> None:  # type: ignore[no-untyped-def]
@@ -62,7 +63,7 @@ def test_velocity_acceleration_and_jerk_stay_within_their_limits(seed: int) -> N
     seen = record(motion.at, 0.0, motion.end)
     assert max(seen.use(FR3_LIMITS)) <= KEPT
     assert seen.jumps()[0] < 1e-6
-    points = way_points(seed)
+    points = waypoints(seed)
     assert np.abs(seen.q[0] - points[0]).max() < 1e-12
     assert np.abs(motion.at(motion.end).q - points[-1]).max() < 1e-9
     assert np.abs(motion.at(motion.end).dq).max() < 1e-9
@@ -72,10 +73,10 @@ def test_velocity_acceleration_and_jerk_stay_within_their_limits(seed: int) -> N
 
 @settings(max_examples=12, deadline=None)
 @given(SEEDS)
-def test_it_does_not_stop_between_way_points(seed: int) -> None:
+def test_it_does_not_stop_between_waypoints(seed: int) -> None:
     motion = moving(seed)
     inner = record(motion.at, 0.1 * motion.end, 0.9 * motion.end)
-    assert np.linalg.norm(inner.dq, axis=1).min() > 0 or len(way_points(seed)) > 2
+    assert np.linalg.norm(inner.dq, axis=1).min() > 0 or len(waypoints(seed)) > 2
     assert (np.diff([motion.at(t).s for t in np.linspace(0, motion.end, 50)]) >= -1e-12).all()
 
 
@@ -105,7 +106,7 @@ def test_pause_and_resume_reach_the_end_of_the_path(seed: int, part: float, of_s
     again = t + of_stop * (stopped.end - t)
     resumed = stopped.resumed(again)
     changed(stopped, resumed, again, t)
-    assert np.abs(resumed.at(resumed.end).q - way_points(seed)[-1]).max() < 1e-9
+    assert np.abs(resumed.at(resumed.end).q - waypoints(seed)[-1]).max() < 1e-9
 
 
 @settings(max_examples=12, deadline=None)
@@ -119,7 +120,7 @@ def test_an_override_scales_velocities_and_keeps_the_path(seed: int, part: float
     # the slack of the plan's check, which is a share of the whole limit, some more.
     settled = min(slower.end - 0.01, t + 1.0)
     assert record(slower.at, settled, slower.end).use(FR3_LIMITS)[0] <= rate * 1.05 + motion.planning.slack
-    assert np.abs(slower.at(slower.end).q - way_points(seed)[-1]).max() < 1e-9
+    assert np.abs(slower.at(slower.end).q - waypoints(seed)[-1]).max() < 1e-9
 
 
 @settings(max_examples=12, deadline=None)
@@ -127,14 +128,14 @@ def test_an_override_scales_velocities_and_keeps_the_path(seed: int, part: float
 def test_appended_points_splice_in_smoothly(seed: int, more_seed: int, part: float) -> None:
     motion = moving(seed)
     t = part * motion.end
-    more = np.vstack([motion.curve.q[-1], way_points(more_seed)])
+    more = np.vstack([motion.curve.q[-1], waypoints(more_seed)])
     spliced = extend_joints(motion, t, joint_path(more, TOLERANCE, motion.curve.end), TOLERANCE, FREE)
     changed(motion, spliced, t, max(0.0, t - 0.05))
     assert np.abs(spliced.at(spliced.end).q - more[-1]).max() < 1e-9
 
 
 def test_appending_in_time_does_not_stop_and_costs_what_one_path_costs() -> None:
-    points = way_points(12)
+    points = waypoints(12)
     together = start_joints(0.0, joint_path(points, TOLERANCE), FREE, PLANNING)
     first = start_joints(0.0, joint_path(points[:-1], TOLERANCE), FREE, PLANNING)
     tail = joint_path(points[-2:], TOLERANCE, first.curve.end)
@@ -145,7 +146,7 @@ def test_appending_in_time_does_not_stop_and_costs_what_one_path_costs() -> None
 
 def test_appending_too_late_finishes_the_old_path_first() -> None:
     motion = moving(12)
-    more = joint_path(np.vstack([motion.curve.q[-1], way_points(13)]), TOLERANCE, motion.curve.end)
+    more = joint_path(np.vstack([motion.curve.q[-1], waypoints(13)]), TOLERANCE, motion.curve.end)
     t = motion.end - 0.06
     spliced = extend_joints(motion, t, more, TOLERANCE, FREE)
     assert spliced.path.legs.stop.any()
@@ -164,7 +165,7 @@ def test_a_queue_that_is_appended_to_for_long_stays_small() -> None:
         end = motion.curve.q[-1]
         more = np.vstack([end, np.clip(end + rng.normal(size=(2, 7)) * 0.3, FR3_LIMITS.lower, FR3_LIMITS.upper)])
         motion = extend_joints(motion, t, joint_path(more, TOLERANCE, motion.curve.end), TOLERANCE, FREE)
-        sizes.append((motion.rows.s.size, motion.phase.t.size, motion.curve.s.size))
+        sizes.append((motion.rows.s.size, motion.law.t.size, motion.curve.s.size))
     assert np.max(sizes[5:], axis=0).tolist() < [1500, 1500, 40]
     assert motion.curve.end > 15
 
@@ -212,12 +213,12 @@ def test_a_soft_stop_on_a_task_path_leaves_it_by_nothing(part: float) -> None:
 def test_task_points_splice_in_smoothly(part: float) -> None:
     motion, poses = square(FAST)
     t = part * motion.end
-    turned = Pose(
+    turned = TcpPose(
         poses[-1].translation + np.array([0.0, 0.15, 0.05]),
         poses[-1].rotation @ rotation_exp(np.array([0.3, 0.1, 0.2])),
     )
     more = task_path([poses[-1], turned], TOLERANCE, motion.curve.end)
-    spliced = extend_task(motion, t, more, TOLERANCE, Limits(UR5E_LIMITS, FAST), UR5E)
+    spliced = extend_task(motion, t, more, TOLERANCE, PathLimits(UR5E_LIMITS, FAST), UR5E)
     changed(motion, spliced, t, t - 0.1, UR5E_LIMITS)
     assert np.abs(pose_error(UR5E.forward(spliced.rest), turned)).max() < 1e-6
     assert bool(spliced.path.legs.stop.any()) == (part > 0.9)
@@ -225,11 +226,11 @@ def test_task_points_splice_in_smoothly(part: float) -> None:
 
 def test_an_appended_point_out_of_reach_is_refused_with_its_own_number() -> None:
     motion, poses = square(SLOW)
-    far = Pose(poses[-1].translation + np.array([0.0, 3.0, 0.0]), poses[-1].rotation)
-    near = Pose(poses[-1].translation + np.array([0.0, 0.1, 0.0]), poses[-1].rotation)
+    far = TcpPose(poses[-1].translation + np.array([0.0, 3.0, 0.0]), poses[-1].rotation)
+    near = TcpPose(poses[-1].translation + np.array([0.0, 0.1, 0.0]), poses[-1].rotation)
     with pytest.raises(PathRefused) as refused:
         more = task_path([poses[-1], near, far], TOLERANCE, motion.curve.end)
-        extend_task(motion, 1.0, more, TOLERANCE, Limits(UR5E_LIMITS, SLOW), UR5E)
+        extend_task(motion, 1.0, more, TOLERANCE, PathLimits(UR5E_LIMITS, SLOW), UR5E)
     assert refused.value.point == 1
 
 
@@ -239,7 +240,7 @@ def test_a_wrist_singularity_slows_the_motion_and_is_passed_within_the_limits() 
     beyond = q.copy()
     beyond[4], beyond[0] = 0.4, q[0] + 0.3
     path = task_path([UR5E.forward(q), UR5E.forward(beyond)], TOLERANCE)
-    motion = start_task(0.0, path, q, Limits(UR5E_LIMITS, FAST), PLANNING, UR5E)
+    motion = start_task(0.0, path, q, PathLimits(UR5E_LIMITS, FAST), PLANNING, UR5E)
     assert max(record(motion.at, 0.0, motion.end).use(UR5E_LIMITS)) <= KEPT
     speeds = [
         np.linalg.norm(s.task.twist[:3]) for t in np.linspace(0.2, motion.end - 0.2, 400) if (s := motion.at(t)).task
@@ -248,8 +249,8 @@ def test_a_wrist_singularity_slows_the_motion_and_is_passed_within_the_limits() 
 
 
 def test_task_limits_hold_on_joint_paths_too_where_they_are_given() -> None:
-    limits = Limits(FR3_LIMITS, SLOW)
-    motion = start_joints(0.0, joint_path(way_points(12), TOLERANCE), limits, PLANNING, FR3)
+    limits = PathLimits(FR3_LIMITS, SLOW)
+    motion = start_joints(0.0, joint_path(waypoints(12), TOLERANCE), limits, PLANNING, FR3)
     for t in np.arange(0.0, motion.end, 0.05):
         sample = motion.at(t)
         assert np.linalg.norm((FR3.jacobian(sample.q) @ sample.dq)[:3]) <= 1.01 * SLOW.velocity[0]

@@ -102,6 +102,6 @@ def test_bad_png_is_refused(png: bytes) -> None:
     ],
 )
 def test_bad_overlay_is_refused_and_named(bad: dict) -> None:
-    with pytest.raises(MoveFailed, match="feature 1") as failed:
+    with pytest.raises(MoveFailed, match=r"features\[1\]") as failed:
         load(feature("Point", [1, 1], type=9), bad)
     assert failed.value.reason is MoveFailReason.GET_MAP_FAILED

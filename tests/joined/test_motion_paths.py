@@ -11,21 +11,11 @@ from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.motion.profile import hardware_limits
 from rackhand.services.controller.trajectory.continuation import follow
 from rackhand.services.controller.trajectory.geometry import Tolerance, task_path
-from rackhand.services.controller.trajectory.model import PathRefused, Pose
-from tests.system.station import (
-    BAD,
-    PERIOD,
-    Array,
-    Station,
-    check_commands,
-    check_limits,
-    off_line,
-    pose,
-    speeds,
-    tools,
-)
+from rackhand.services.controller.trajectory.model import PathRefused, TcpPose
+from tests.joined.arm import JoinedArm
+from tests.joined.checks import BAD, PERIOD, Array, check_commands, check_limits, off_line, pose, speeds, tools
 
-Either = tuple[Station, ik.Arm]
+Either = tuple[JoinedArm, ik.Arm]
 
 # From one posture to another, a straight line of the tool. On the way the UR's wrist 2 passes 0, where joints 4 and 6
 # are parallel; the FR3's wrist passes above its shoulder, where joint 1 cannot move it and joints 3 and 5 are no help.
@@ -78,7 +68,7 @@ def edge_of_reach(arm: ik.Arm, start: Array, direction: Array) -> float:
     kinematics, limits = ArmKinematics(arm), hardware_limits(arm)
 
     def reaches(distance: float) -> bool:
-        points = [Pose(start[:, 3] + d * direction, start[:, :3]) for d in (0.0, distance)]
+        points = [TcpPose(start[:, 3] + d * direction, start[:, :3]) for d in (0.0, distance)]
         try:
             follow(kinematics, limits, task_path(points, Tolerance()), arm.home)
         except PathRefused:
@@ -92,7 +82,7 @@ def edge_of_reach(arm: ik.Arm, start: Array, direction: Array) -> float:
 
 
 def outwards(arm: ik.Arm, distance: float) -> Array:
-    """Pose with the tool so far away from its home, on the line from the base through it."""
+    """TcpPose with the tool so far away from its home, on the line from the base through it."""
     shifted = ik.forward(arm, arm.home)
     shifted[:, 3] *= 1 + distance / np.linalg.norm(shifted[:, 3])
     return shifted
@@ -135,7 +125,7 @@ def test_a_path_beyond_reach_is_refused_as_a_whole_before_anything_moves(either:
     answer = station.ask("a", command="appendPath", priority=10, type="task", data=points, method=method, reference=1)
     print(answer["text"])
     assert answer["message"] == BAD
-    assert "way-point 2" in answer["text"] and "mm" in answer["text"]
+    assert "waypoint 2" in answer["text"] and "mm" in answer["text"]
     states = station.advance(0.5)
     assert np.ptp([s.q for s in states], axis=0).max() < 1e-6
     status = station.status()
