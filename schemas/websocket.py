@@ -80,7 +80,7 @@ class MotionMetrics(WsTopic):
 
 
 class PlanningStateFrame(WsTopic):
-    """state of the running or last move, remaining distance, fail reason, `stuck_state`"""
+    """state of the running or last move, remaining distance, fail reason and `message`, `stuck_state`"""
 
     TOPIC = "/planning_state"
     REPEATED = True
@@ -91,7 +91,7 @@ class PlanningStateFrame(WsTopic):
     move_state: str
     fail_reason: int
     fail_reason_str: str
-    fail_message: str | None = None
+    message: str | None = None
     remaining_distance: float
     target_poses: list[PoseFrame]
     charger_pose: PoseFrame

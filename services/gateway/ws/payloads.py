@@ -91,6 +91,8 @@ def planning_state(facts: Facts) -> ws.PlanningStateFrame | None:
         return None
     origin = ws.PoseFrame(pos=(0, 0), ori=0)
     present: dict[str, Any] = {"viewport_blocked": True} if state.viewport_blocked else {}
+    if state.message:
+        present["message"] = state.message
     return ws.PlanningStateFrame(
         map_uid=state.map_uid,
         action_id=state.action_id,
@@ -102,7 +104,7 @@ def planning_state(facts: Facts) -> ws.PlanningStateFrame | None:
         target_poses=[] if state.target is None else [pose_frame(state.target, 3)],
         charger_pose=origin,
         going_back_to_charger=False,
-        move_intent="none",
+        move_intent=state.move_intent,
         intent_target_pose=origin,
         stuck_state=state.stuck_state,
         given_route_passed_point_count=0,

@@ -79,6 +79,10 @@ def test_planning_state_of_a_failed_and_of_a_blocked_move() -> None:
     failed = fields(payloads.planning_state(Facts({topics.PLANNING_STATE: message})))
     assert failed["fail_reason_str"] == "MoveFailReason::calculation_failed"
     assert failed["target_poses"] == []
+    assert "message" not in failed
+    message = messages.planning(message="paused: control mode is manual", move_intent="docking")
+    held = fields(payloads.planning_state(Facts({topics.PLANNING_STATE: message})))
+    assert (held["message"], held["move_intent"]) == ("paused: control mode is manual", "docking")
     message = messages.planning(stuck_state="move_stucked", viewport_blocked=True)
     blocked = fields(payloads.planning_state(Facts({topics.PLANNING_STATE: message})))
     assert (blocked["stuck_state"], blocked["viewport_blocked"]) == ("move_stucked", True)
