@@ -1,8 +1,9 @@
-"""Compilation of hot loops, for every service that has some.
+"""Compilation of hot loops, for the services that have some.
 
-Machine code is made at a function's first call and kept on disk beside its module, so that the next process has it at
-once. numba keeps it as long as the function's own file stays as it is, even where a function it calls has changed in
-another: here it is kept only while every module that the function's module imports, directly or not, stays as it is.
+A function is compiled at its first call, and the machine code is cached on disk beside its module, so that the next
+process loads it. numba invalidates that cache only when the function's own file changes, not when a function that it
+calls changes in another file: here it is also invalidated when any module changes that the function's module imports,
+directly or not.
 
 `NUMBA_DISABLE_JIT=1` runs everything as plain Python.
 """
@@ -24,7 +25,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
-    """The function as machine code. It may call others that its module imports from this project."""
+    """The function, compiled. It may call other compiled functions that its module imports from this project."""
     return _compiled(function)
 
 

@@ -1,4 +1,4 @@
-"""What a service does with its memory before it says that it is ready."""
+"""Garbage collection of a service that must not pause."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import gc
 
 
 def freeze_gc() -> None:
-    """Take all that is alive now out of garbage collection: modules, models and compiled code stay until the end.
+    """Exempt all objects that exist now from garbage collection: modules, models and compiled code stay until the end.
 
-    A full collection goes through them all, which stops the service for 80 ms: twenty ticks of an arm's controller.
-    After this it takes microseconds. What becomes garbage later is collected as ever.
+    A full collection visits all of them and stops the service for 80 ms, twenty ticks of an arm's controller. After
+    this call it takes microseconds. Objects created later are collected as usual.
     """
     gc.collect()
     gc.freeze()

@@ -1,4 +1,4 @@
-"""Who goes first where a machine has too few processors for all services."""
+"""Priorities of processes and threads, for machines with too few processors for all services."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import os
 import platform
 import struct
 
-# Whoever has more time goes later (rate-monotonic order: Liu and Layland 1973, "Scheduling Algorithms for
-# Multiprogramming in a Hard-Real-Time Environment"): an arm's controller and the simulator have 4 ms and stand back for
-# nobody, a chassis' planner has 40, clients must not hold up what moves, and who looks takes what is left.
+# Rate-monotonic order: a longer period means a lower priority (Liu and Layland 1973, "Scheduling Algorithms for
+# Multiprogramming in a Hard-Real-Time Environment"). An arm's controller and the simulator have 4 ms and keep
+# niceness 0, a chassis' planner has 40 ms, the gateway's clients must not delay what moves, viewers take what is left.
 PLANNER, GATEWAY, RECORDER, VIEWER = 5, 10, 10, 19
-SLICE_NS = 200_000  # of those who wake promptly
-REAL_TIME = 1  # the lowest real-time priority: in real time all the same, and before nobody else who is
+SLICE_NS = 200_000  # of threads that are to wake soon
+REAL_TIME = 1  # the lowest real-time priority: above all normal threads, below all other real-time ones
 _SETATTR = {"x86_64": 314, "aarch64": 274}  # number of the system call sched_setattr, which Python has no name for
 
 
 def set_niceness(nice: int) -> None:
-    """Leave the processor to others: this process, and those it starts from now on, run with ``nice`` (1 to 19).
+    """Lower the priority of this process, and of those it starts from now on, to niceness ``nice`` (1 to 19).
 
     Linux may share the processor among sessions first (autogroup, see sched(7)), and then niceness orders the processes
     of a session only. All of a cell are in one: its supervisor's.
@@ -26,13 +26,13 @@ def set_niceness(nice: int) -> None:
 
 
 def set_short_slice() -> bool:
-    """Let this thread, and those it starts from now on, run soon after what they wait for has come.
+    """Ask the scheduler for short time slices for this thread and those it starts from now on, so that they wake soon.
 
-    Who asks Linux for short slices is let in before who computes for long on the same core, which otherwise may go on
-    for a whole control period of an arm. This is no priority: shares of the processor stay, and no rights are needed.
+    Linux lets a thread with short slices preempt one that computes for long on the same core, which otherwise may keep
+    it for a whole control period of an arm. It is no priority: shares of the processor stay, and no rights are needed.
 
-    Call it before the bus is opened, for Zenoh's threads to be among them. Returns False where there is nothing to ask:
-    on another system, or under a policy that somebody chose on purpose. Linux heeds it from 6.12 on.
+    Call it before the bus is opened, so that it includes Zenoh's threads. Returns False where it does not apply: on
+    another system, or under a policy other than the default. Effective from Linux 6.12 on.
     Source: sched_setattr(2), ``sched_runtime`` under SCHED_OTHER.
     """
     number = _SETATTR.get(platform.machine()) if platform.system() == "Linux" else None
@@ -45,11 +45,11 @@ def set_short_slice() -> bool:
 
 
 def run_in_real_time() -> bool:
-    """Let this thread run whenever it has something to do, before all that is not in real time; what it starts is not.
+    """Give this thread a real-time policy: it preempts every normal thread. Threads that it starts do not inherit it.
 
-    For the thread that keeps a control loop, where the system grants it: to root, with CAP_SYS_NICE, or with an
-    RLIMIT_RTPRIO of at least 1 (``ulimit -r``). Returns False where it does not, on a system other than Linux, and
-    where somebody chose a policy or niceness on purpose. Should the thread never rest, Linux leaves 5 % to all others.
+    For the thread of a control loop, where the system permits it: to root, with CAP_SYS_NICE, or with an RLIMIT_RTPRIO
+    of at least 1 (``ulimit -r``). Returns False where it does not, on a system other than Linux, and where a policy or
+    niceness was chosen from outside. If the thread never sleeps, Linux still leaves 5 % to all others.
     Source: sched(7), SCHED_FIFO and SCHED_RESET_ON_FORK.
     """
     if platform.system() != "Linux" or os.sched_getscheduler(0) != os.SCHED_OTHER:

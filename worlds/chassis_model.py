@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import Actuation, ChassisLimits, ChassisModel, JackModel, LidarModel
@@ -24,7 +24,7 @@ from rackhand.worlds.data import (
     known_files,
     read_model,
 )
-from rackhand.worlds.world_model import World
+from rackhand.worlds.world_model import CONTROL_STEP_NS, World
 
 
 class ChassisBody(Data):
@@ -85,9 +85,23 @@ class LidarKind(Data):
     height: Positive
     beams: Annotated[int, Field(gt=1)]
     view: Annotated[float, Field(gt=0, le=2 * math.pi + 1e-6)]
-    rate: Positive = 12.5
+    rate: Positive
     range_max: Positive = 25.0
     noise: NonNegative = 0.01
+
+    @field_validator("rate")
+    @classmethod
+    def _fits_the_control_step(cls, rate: float) -> float:
+        steps = 1e9 / (rate * CONTROL_STEP_NS)
+        if steps < 1 or not math.isclose(steps, round(steps), rel_tol=1e-9):
+            step = CONTROL_STEP_NS * 1e-9
+            raise ValueError(f"{rate:g} Hz: the time between two scans must be a whole number of {step:g} s")
+        return rate
+
+    @property
+    def period_ns(self) -> int:
+        """Time between two scans."""
+        return round(1e9 / self.rate)
 
     @property
     def whole_circle(self) -> bool:

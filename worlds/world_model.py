@@ -122,7 +122,9 @@ class Top:
 
 
 class Charger(Data):
-    """A charging dock with a V-shaped face looking along its yaw. ``dock``: where a robot stands to be charged."""
+    """A charging dock with a V-shaped face looking along its yaw. ``dock``: the pose of a chassis that is charged at
+    its back; one that is charged at its front docks there turned round.
+    """
 
     pose: PoseTuple
     dock: PoseTuple

@@ -19,13 +19,13 @@ from rackhand.services.launch.processes import (
     CellOptions,
     Process,
     cell_processes,
+    served_world,
 )
 from rackhand.services.launch.supervisor import Supervisor
 from rackhand.services.launch.viewing import with_viewer
 from rackhand.worlds.arm_model import load_arm_descriptions
 from rackhand.worlds.chassis_model import load_profiles
 from rackhand.worlds.data import WorldFileError
-from rackhand.worlds.world_model import load_world
 
 CELL_FILE = "cell.json"
 MAX_PORT = 65535
@@ -56,7 +56,7 @@ def run_cell(options: CellOptions) -> int:
 def check_world(options: CellOptions) -> None:
     """Raises ``CannotStart`` if there is no such world, or it, its chassis or its arms are not described well."""
     try:
-        world = load_world(options.world)
+        world = served_world(options)
         load_profiles(world, options.profile)
         load_arm_descriptions(world)
     except WorldFileError as error:
@@ -68,7 +68,7 @@ def crf_addresses(options: CellOptions) -> dict[str, Address]:
     first = options.crf_port
     if first is None:
         return {}
-    arms = load_world(options.world).arms
+    arms = served_world(options).arms
     if not arms:
         raise CannotStart(f"--crf-port: there is no arm in world {options.world!r}")
     if first + len(arms) - 1 > MAX_PORT:

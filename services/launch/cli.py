@@ -60,6 +60,7 @@ def _speed(text: str) -> float | None:
         "rackhand up --world empty --speed max",
         "rackhand up --lockstep --seed 7",
         "rackhand up --world pick_station --crf-port 5000",
+        "rackhand up --world empty --no-sim --robot amr1    # then start its driver, as examples/01_hardware_driver.py",
         "rackhand up --robot-profile jackal --port 8091 --bus-port 7448 --viewer-port 9091 --state-dir var/second",
     )
 )
@@ -96,6 +97,17 @@ def up(
         str | None, typer.Option(help="chassis of amr1, as in longjack or jackal; the world's own if not given")
     ] = DEFAULTS.profile,
     state_dir: Annotated[Path, typer.Option(help="folder of what outlives a run: moves, maps")] = DEFAULTS.state_dir,
+    sim: Annotated[
+        bool,
+        typer.Option(
+            "--sim/--no-sim",
+            help="simulate the robots; without, a hardware driver on the bus takes the simulator's place for each, and "
+            "the simulator's options have no effect",
+        ),
+    ] = DEFAULTS.sim,
+    robot: Annotated[
+        list[str] | None, typer.Option(help="serve only this chassis or arm of the world; may be given several times")
+    ] = None,
 ) -> None:
     """Start the cell, and keep it running until Ctrl-C or SIGTERM."""
     options = CellOptions(
@@ -109,6 +121,8 @@ def up(
         profile=robot_profile,
         viewer=Address(DEFAULT_VIEWER.host, viewer_port) if viewer else None,
         state_dir=state_dir,
+        robots=tuple(robot or ()),
+        sim=sim,
     )
     try:
         code = run_cell(options)

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rackhand.worlds.data import WorldFileError
 from rackhand.worlds.world_model import World, load_world, world_directory
 
 CONTROLLER_RATE = 250  # Hz
@@ -57,7 +58,9 @@ class CellOptions:
 
     ``seed`` and ``profile`` are the world's own where None. ``crf_port`` is for CRF's packet framing to the first arm,
     the next ports are for the next arms; where each arm listens in the end is in ``crf``. ``viewer`` is where the live
-    view's page is, None for no live view; its data come from ``viewer_data``.
+    view's page is, None for no live view; its data come from ``viewer_data``. ``robots`` are those of the world's
+    chassis and arms that the cell serves, all of them if none is named. Without ``sim``, something else drives them:
+    each needs a driver on the bus.
     """
 
     world: str = "warehouse"
@@ -72,6 +75,8 @@ class CellOptions:
     viewer: Address | None = Address("127.0.0.1", 9090)
     viewer_data: Address = Address("127.0.0.1", 9876)
     state_dir: Path = Path("var")
+    robots: tuple[str, ...] = ()
+    sim: bool = True
 
     @property
     def viewer_page(self) -> str | None:
@@ -90,7 +95,7 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
     Raises ``WorldFileError``.
     """
     bus = {"RACKHAND_BUS_CONNECT": options.bus.endpoint}
-    world = load_world(options.world)
+    world = served_world(options)
     return (
         Process(
             "router",
@@ -98,7 +103,7 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
             listens=options.bus,
             option="--bus-port",
         ),
-        Process("sim", _module("rackhand.services.sim", *_sim_arguments(options, world)), needs=("router",), env=bus),
+        *_simulator(options, world, bus),
         *(
             Process(
                 _row_name("planner", robot, world.robots),
@@ -128,6 +133,25 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
         ),
         *_viewer(options, bus),
     )
+
+
+def served_world(options: CellOptions) -> World:
+    """The world with the robots that the cell serves. Raises ``WorldFileError``."""
+    world = load_world(options.world)
+    if not options.robots:
+        return world
+    if unknown := sorted(set(options.robots) - {*world.robots, *world.arms}):
+        raise WorldFileError(f"--robot {unknown[0]}: robots of {world.name} are {sorted([*world.robots, *world.arms])}")
+    robots = {name: place for name, place in world.robots.items() if name in options.robots}
+    arms = {name: place for name, place in world.arms.items() if name in options.robots}
+    return world.model_copy(update={"robots": robots, "arms": arms})
+
+
+def _simulator(options: CellOptions, world: World, bus: Mapping[str, str]) -> tuple[Process, ...]:
+    if not options.sim:
+        return ()
+    command = _module("rackhand.services.sim", *_sim_arguments(options, world))
+    return (Process("sim", command, needs=("router",), env=bus),)
 
 
 def _viewer(options: CellOptions, bus: Mapping[str, str]) -> tuple[Process, ...]:
@@ -190,6 +214,7 @@ def _gateway_arguments(options: CellOptions, world: World) -> tuple[str, ...]:
         arguments += ["--arm", arm]
     for arm, address in options.crf.items():
         arguments += ["--crf-port", f"{arm}={address.port}"]
-    for service in ("cell/router", "world/sim", *_participants(world)):
+    drivers = ["world/sim"] if options.sim else [f"{robot}/driver" for robot in (*world.robots, *world.arms)]
+    for service in ("cell/router", *drivers, *_participants(world)):
         arguments += ["--expect", service]
     return tuple(arguments)

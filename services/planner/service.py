@@ -18,7 +18,7 @@ from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.moves import MoveEvent
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import ServiceId
-from rackhand.schemas.topics import Query
+from rackhand.schemas.topics import Qos, Query
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.chassis import PERIOD_NS, Chassis
 from rackhand.services.planner.store import PlannerStore
@@ -28,15 +28,8 @@ log = get_logger(__name__)
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
-MEASUREMENTS = (topics.ODOMETRY, topics.SCAN, topics.POSE, topics.JACK, topics.BATTERY, topics.CONTACTS)
-PUBLICATIONS = (
-    topics.PLANNING_STATE,
-    topics.PATH,
-    topics.MOVE_EVENT,
-    topics.MAP,
-    topics.CHASSIS_STATUS,
-    topics.COSTMAP,
-)
+SUBSCRIPTIONS = topics.read_by("planner", owner="chassis")
+PUBLICATIONS = tuple(topic for topic in topics.published_by("planner") if topic is not topics.COMMAND)
 
 
 class PlannerService:
@@ -62,9 +55,11 @@ class PlannerService:
         settings = LoopSettings(ServiceId("planner", robot), "the chassis driver", PERIOD_NS)
         self._loop = ControlLoop(bus, self, topics.COMMAND, settings, monotonic)
         store.on_settled(self._loop.inbox.poster(self._settle))
-        for topic in MEASUREMENTS:
-            self._loop.measure(topic, chassis.on_message, triggers=topic is topics.ODOMETRY)
-        self._loop.on(topics.CHASSIS_MODEL, chassis.on_message)
+        for topic in SUBSCRIPTIONS:
+            if topic.qos is Qos.LATCHED:
+                self._loop.on(topic, chassis.on_message)
+            else:
+                self._loop.measure(topic, chassis.on_message, triggers=topic is topics.ODOMETRY)
         self._serve(topics.MOVES, chassis.moves)
         self._serve(topics.MAPS, chassis.maps)
         self._serve(topics.CHASSIS_REQUEST, chassis.chassis)

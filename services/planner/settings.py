@@ -8,6 +8,9 @@ from typing import NamedTuple
 
 from rackhand.schemas.chassis import Actuation, ChassisModel
 
+# Shares of the limits of a chassis that a foreseen stop uses.
+FORESEEN_ACC, FORESEEN_DECEL = 0.8, 0.25
+
 
 class Limits(NamedTuple):
     """What may be commanded: m/s, rad/s, m/s², rad/s². Decelerations are negative, as in the API.
@@ -173,7 +176,10 @@ class NavigationSettings:
     rotate_timeout: float = 30.0
 
     def for_chassis(self, model: ChassisModel) -> NavigationSettings:
-        """These settings with the limits and the actuation of a chassis, within ``caps``."""
+        """These settings with the limits and the actuation of a chassis, within ``caps``.
+
+        A stop that is foreseen takes a quarter of the braking that is there, so that the rest is left for surprises.
+        """
         limits = model.limits
         control = Limits(
             max_forward_velocity=min(limits.forward, self.caps.max_forward_velocity),
@@ -183,4 +189,5 @@ class NavigationSettings:
             max_angular_velocity=min(limits.angular, self.caps.max_angular_velocity),
             max_angular_acc=limits.angular_acceleration,
         )
-        return replace(self, control=control, actuation=model.actuation)
+        approach = min(FORESEEN_ACC * limits.acceleration, FORESEEN_DECEL * limits.deceleration)
+        return replace(self, control=control, actuation=model.actuation, approach_decel=approach)

@@ -20,18 +20,9 @@ from rackhand.worlds.world_model import CONTROL_STEP_NS
 
 log = get_logger(__name__)
 
-ROBOT_TOPICS = (
-    topics.IMU,
-    topics.SCAN,
-    topics.POSE,
-    topics.JACK,
-    topics.BATTERY,
-    topics.CONTACTS,
-    topics.ODOMETRY,
-    topics.CHASSIS_MODEL,
-)
-ARM_TOPICS = (topics.ARM_STATE, topics.ARM_MODEL)
-WORLD_TOPICS = (topics.OBJECTS, topics.SCENE, topics.CLOCK)
+ROBOT_TOPICS = topics.published_by("driver", "localiser", owner="chassis")
+ARM_TOPICS = topics.published_by("driver", owner="arm")
+WORLD_TOPICS = topics.published_by("sim")
 COMMAND_DEPTH = 64
 READ_AHEAD = 64  # events taken in between two steps at most, so that a flood of them does not stop time
 

@@ -188,6 +188,8 @@ class Session:
         service = ServiceId(join.service, join.robot)
         if self.pacer.lockstep and service not in self.pacer.participants:
             self._silence(join.robot)  # how many commands came before it joined depends on the load of the machine
+        if is_arm:
+            simulation.arms[join.robot].latency_ns = latency_ns
         self.pacer.join(service, join.period_ns, simulation.stamp, latency_ns)
         self.changes.outputs = True  # it may have missed those of the present step
 

@@ -288,7 +288,7 @@ class Simulation:
         dt = CONTROL_STEP_NS * 1e-9 if stamp else 0.0
         for name, robot in self.robots.items():
             outputs.append(Output(topics.IMU, name, robot.imu(stamp)))
-            if _is_due(topics.SCAN, stamp):
+            if stamp % robot.profile.lidar.period_ns == 0:
                 scan = robot.scan(stamp)
                 if "lidar_dead" not in robot.faults:
                     outputs.append(Output(topics.SCAN, name, scan))
@@ -296,7 +296,7 @@ class Simulation:
                 pose = robot.localised_pose(stamp)
                 if "pose_lost" not in robot.faults:
                     outputs.append(Output(topics.POSE, name, pose))
-            if _is_due(topics.JACK, stamp):
+            if robot.profile.jack is not None and _is_due(topics.JACK, stamp):
                 outputs.append(Output(topics.JACK, name, robot.jack(stamp)))
             if _is_due(topics.BATTERY, stamp):
                 outputs.append(Output(topics.BATTERY, name, robot.battery_report(stamp)))

@@ -36,7 +36,7 @@ from rackhand.services.viewer.trail import Trail
 # Heights that keep flat things apart (m): a costmap over the map, lines over both. A 2-D lidar tells no height of its
 # own; its returns are drawn about as high as a low chassis carries one.
 COSTMAP_Z, LINE_Z, SCAN_Z = 0.012, 0.03, 0.18
-BODY_HEIGHT, NAME_HEIGHT = 0.25, 1.2
+NAME_HEIGHT = 1.2
 TRAIL_STEP, TRAIL_POINTS = 0.1, 500
 KNOWN_POSES = 8
 SPEED_DIGITS = 4  # beyond them is the encoders' noise, which would fill the plot of a robot that stands
@@ -71,7 +71,7 @@ class ChassisView:
 
     def model(self, model: ChassisModel) -> Iterable[Item]:
         """The outline that must not touch anything, with the wheels, where the robot believes to be."""
-        strips = [*prism(model.footprint, BODY_HEIGHT), *wheels(model)]
+        strips = [*prism(model.footprint, model.height), *wheels(model)]
         lines = rr.LineStrips3D(strips, colors=ink(colours.FOOTPRINT), radii=pen(1.2))
         yield Drawing(self._at("footprint"), (lines,), frame=self.frame, static=True)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rackhand.schemas import topics
 from rackhand.schemas.base import Message
-from rackhand.schemas.chassis import ChassisRequest, Done
+from rackhand.schemas.chassis import ChassisCommand, ChassisRequest, Done, Odometry
 from rackhand.schemas.maps import CreateMap, GetMap, MapReply, MapRequest, SelectMap, UseMapData
 from rackhand.schemas.moves import TERMINAL, CancelMove, CreateMove, GetMove, Move, MoveCreate, MoveRequest
 from rackhand.schemas.topics import Topic
@@ -28,13 +28,17 @@ Json = dict[str, Any]
 
 
 class JoinedChassis:
-    """``published`` is all that the planner published: topic and message, oldest first."""
+    """``published`` is all that the planner published: topic and message, oldest first; ``commands`` are its commands
+    and ``odometry`` is what the driver measured.
+    """
 
     service, period_ns = "planner", PERIOD_NS
 
     def __init__(self, world: JoinedWorld, name: str, folder: Path) -> None:
         self.world, self.name = world, name
         self.published: list[tuple[Topic[Any], Message]] = []
+        self.commands: list[ChassisCommand] = []
+        self.odometry: list[Odometry] = []
         self._database = Database(folder / f"{name}.sqlite", name)
         moves, maps = MoveStore(self._database), MapStore(self._database)
         maps.import_directory(read_map_directory(world_directory(world.session.simulation.world.name)))
@@ -49,7 +53,7 @@ class JoinedChassis:
     def begin(self) -> None:
         """The driver begins a run."""
         self.core.reset("driver restarted")
-        self.core.set_driver_alive(True)
+        self.core.set_driver_fault("")
         self.core.on_message(self.world.simulation.robots[self.name].chassis_model())
 
     def on_clock(self, clock: Clock) -> None:
@@ -59,8 +63,11 @@ class JoinedChassis:
         if topic is topics.IMU:
             return
         self.core.on_message(message)
+        if topic is topics.ODOMETRY:
+            self.odometry.append(message)
         if topic is topics.ODOMETRY and message.stamp % PERIOD_NS == 0:
-            self.world.session.command(self.name, self.core.tick())
+            self.commands.append(self.core.tick())
+            self.world.session.command(self.name, self.commands[-1])
         self.published += [(p.topic, p.message) for p in self.core.take_publications()]
 
     # -- as a client does --------------------------------------------------------------------------------------------

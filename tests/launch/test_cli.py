@@ -107,6 +107,24 @@ def test_a_world_of_arms_needs_no_planner() -> None:
     assert "planner" not in " ".join((*table["sim"].argv, *table["gateway"].argv))
 
 
+def test_without_a_simulator_the_gateway_expects_a_driver_for_each_robot_that_is_served() -> None:
+    options = CellOptions(world="empty", sim=False)
+    table = {process.name: process for process in cell_processes(options, {})}
+    assert list(table) == ["router", "planner", "controller", "gateway", "viewer"]
+    expected = [table["gateway"].argv[i + 1] for i, word in enumerate(table["gateway"].argv) if word == "--expect"]
+    assert expected == ["cell/router", "amr1/driver", "arm1/driver", "amr1/planner", "arm1/controller"]
+    table = {process.name: process for process in cell_processes(replace(options, robots=("amr1",)), {})}
+    assert list(table) == ["router", "planner", "gateway", "viewer"]
+    expected = [table["gateway"].argv[i + 1] for i, word in enumerate(table["gateway"].argv) if word == "--expect"]
+    assert expected == ["cell/router", "amr1/driver", "amr1/planner"]
+
+
+def test_a_robot_that_the_world_does_not_have_is_refused(tmp_path: Path) -> None:
+    told = cli.invoke(app, ["up", "--world", "empty", "--robot", "amr9", "--state-dir", str(tmp_path)])
+    assert told.exit_code == 1
+    assert "--robot amr9: robots of empty are ['amr1', 'arm1']" in " ".join(told.output.split())
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [

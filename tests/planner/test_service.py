@@ -76,6 +76,13 @@ def create(**fields: Any) -> Asked:
     return Asked(topics.MOVES, MoveRequest(request=CreateMove(move=MoveCreate(target_x=1.0, target_y=1.0, **fields))))
 
 
+def test_it_reads_and_serves_what_the_topic_table_says(bus: ListBus, cell: Cell) -> None:
+    run(bus, cell, [])
+    assert {row.name for row in bus.subscribed} == {
+        row.name for row in (*topics.read_by("planner"), *topics.served_by("planner"))
+    }
+
+
 def test_each_period_gets_one_answer_and_a_repeated_instant_the_same(bus: ListBus, cell: Cell) -> None:
     run(bus, cell, *([odometry(t)] for t in (0, 20, 40, 40, 60, 80)))
     assert [command.answers // MS for command in bus.published(topics.COMMAND)] == [0, 40, 40, 80]

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from rackhand.services.controller import ik
 from tests.system.cell import Cell
 from tests.system.station import Station, pick_station
 
@@ -50,23 +49,10 @@ def ur5e_station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
         yield station
 
 
-@pytest.fixture(scope="module")
-def fr3_station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
-    with pick_station(tmp_path_factory.mktemp("cell"), "fr3") as station:
-        yield station
-
-
 @pytest.fixture
 def station(ur5e_station: Station) -> Station:
     """The arm at rest at home, nobody's, nothing latched."""
     return ur5e_station.reset()
-
-
-@pytest.fixture(params=["ur5e", "fr3"])
-def either(request: pytest.FixtureRequest) -> tuple[Station, ik.Arm]:
-    """``station`` with one arm or the other."""
-    station: Station = request.getfixturevalue(f"{request.param}_station")
-    return station.reset(), ik.load_arm(request.param)
 
 
 @pytest.hookimpl(hookwrapper=True)

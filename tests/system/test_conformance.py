@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.joined.checks import ARM, BAD, OK, first_rest, speeds
 from tests.system.cell import ROOT
-from tests.system.station import ARM, BAD, OK, Station, first_rest, pick_station, speeds
+from tests.system.station import Station, pick_station
 from tests.system.transports import TRANSPORTS, Client, Http, Json, Transport, ask
 
 HOME = ARM.home.tolist()

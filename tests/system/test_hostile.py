@@ -20,7 +20,8 @@ import pytest
 from rackhand.bus import Inbox, Sample
 from rackhand.schemas import topics
 from rackhand.schemas.motion import ArmCommand, ArmState
-from tests.system.station import ARM, OK, Station, pick_station
+from tests.joined.checks import ARM, OK
+from tests.system.station import Station, pick_station
 from tests.system.transports import TRANSPORTS, Client, Json, Tcp, Transport, WebSocket, Zenoh, ask
 
 PERIOD_NS = 4_000_000

@@ -18,6 +18,9 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from websockets.sync.client import ClientConnection, connect
 
+from rackhand.bus import Bus, Sample
+from rackhand.schemas import topics
+from rackhand.schemas.service import CELL, WORLD, ServiceId
 from rackhand.schemas.topics import QUERIES, TOPICS
 from rackhand.services.planner.jacking import REACHED
 from tests.system.cell import Cell
@@ -30,6 +33,9 @@ EXAMPLES = int(os.environ.get("RACKHAND_FUZZ_EXAMPLES", "10000"))
 # Of all that is sent: bodies and paths over HTTP, frames over the WebSocket, and the rest as payloads over Zenoh.
 BODIES, PATHS, FRAMES = EXAMPLES * 15 // 100, EXAMPLES * 5 // 100, EXAMPLES * 20 // 100
 PAYLOADS = EXAMPLES - BODIES - 2 * PATHS - FRAMES
+
+# Whose name a row's key takes, so that every row reaches a service of the cell.
+NAMES = {"chassis": "amr1", "arm": "arm1", "world": WORLD, "any": "amr1"}
 
 POSTS = ("/chassis/moves", "/chassis/current-map", "/chassis/pose", "/maps/", "/services/jack_up",
          "/services/wheel_control/set_control_mode", "/services/wheel_control/set_emergency_stop")  # fmt: skip
@@ -76,7 +82,7 @@ def socket(cell: Cell) -> Iterator[ClientConnection]:
 @pytest.fixture(scope="module", autouse=True)
 def nobody_dies(cell: Cell) -> Iterator[None]:
     """All processes are the same before and after, and a move still works."""
-    services = ("router", "sim", "planner", "gateway")
+    services = ("router", "sim", "planner", "controller", "gateway")
     before = [cell.pid(service) for service in services]
     yield
     assert [cell.pid(service) for service in services] == before
@@ -161,15 +167,29 @@ def test_zenoh_payloads(cell: Cell) -> None:
     """Garbage on every topic and query, from a client that may say anything."""
     rng = random.Random(5)
     with zenoh.open(cell.bus_config().zenoh_config()) as session:
-        session.liveliness().declare_subscriber("rackhand/amr1/alive/planner", history=True).recv()
+        for service in ("amr1/alive/planner", "arm1/alive/controller", "world/alive/sim"):
+            session.liveliness().declare_subscriber(f"rackhand/{service}", history=True).recv()
         for _ in range(PAYLOADS):
             row: Any = rng.choice((*TOPICS, *QUERIES))
             payload = bytes(rng.randrange(256) for _ in range(rng.randrange(40)))
             if rng.random() < 0.5:
                 payload = b"\x81\xa7request\x82\xa2op\xa6create" + payload
+            key = row.key_for(NAMES[row.owner])
             if row in QUERIES:
-                for reply in session.get(row.key_for("amr1"), payload=payload, timeout=10.0):
-                    assert reply.err is not None
-                    assert b"malformed" in reply.err.payload.to_bytes()
+                replies = list(session.get(key, payload=payload, timeout=10.0))
+                assert len(replies) == 1, f"{key}: {len(replies)} servers"
+                assert replies[0].err is not None
+                assert b"malformed" in replies[0].err.payload.to_bytes()
             else:
-                session.put(row.key_for("amr1"), payload)
+                session.put(key, payload)
+
+
+def test_the_payloads_reached_planner_controller_and_simulator(cell: Cell) -> None:
+    """By their own count: each says once a second of wall time what it could not parse."""
+    with Bus(ServiceId("witness", CELL), cell.bus_config()) as bus:
+        inbox, counted = bus.inbox().subscribe(topics.BUS_STATS), set()
+        while counted < {"planner", "controller", "sim"}:
+            event = inbox.get(timeout=20)
+            assert isinstance(event, Sample), f"only {counted} counted malformed payloads"
+            if event.message.malformed:
+                counted.add(event.message.service)

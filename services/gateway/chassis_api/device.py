@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -11,6 +12,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel
 
 from rackhand.schemas.chassis import ChassisModel
+from rackhand.services.gateway.build import git_info
 from rackhand.services.gateway.context import Gateway
 from rackhand.services.gateway.http.errors import failures, unavailable
 from rackhand.services.gateway.state import State
@@ -18,17 +20,16 @@ from rackhand.services.gateway.ws.topics import footprint
 
 router = APIRouter(prefix="/device", tags=["device"])
 
-# What this server does, in the API's words.
+# What this server does for every chassis, and what more for one with a jack, in the API's words.
 CAPS = (
     "supportsWsV2",
     "supportsWheelStateTopic",
     "supportsSetControlModeService",
     "supportsSetEmergencyStopService",
     "supportsEnableTopicList",
-    "supportsJack",
-    "supportsDynamicFootprints",
     "supportsCachedTopics",
 )
+JACK_CAPS = ("supportsJack", "supportsDynamicFootprints")
 
 
 class BootLog(BaseModel):
@@ -52,7 +53,8 @@ async def device_info(gateway: Gateway) -> dict[str, Any]:
     model = gateway.state.facts.model
     if model is None:
         raise unavailable(f"the driver of {robot} has not told its body yet")
-    return {**device_info_brief(gateway.state), "robot": _robot(model), "caps": dict.fromkeys(CAPS, True)}
+    gitinfo = await asyncio.to_thread(git_info)  # the first call runs git
+    return {**device_info_brief(gateway.state), "robot": _robot(model), "caps": _caps(model), "gitinfo": gitinfo}
 
 
 @router.get("/info/brief", responses=failures())
@@ -87,13 +89,35 @@ def device_info_brief(state: State) -> dict[str, Any]:
     }
 
 
+def _caps(model: ChassisModel) -> dict[str, bool]:
+    return dict.fromkeys(CAPS, True) | dict.fromkeys(JACK_CAPS, model.jack is not None)
+
+
 def _robot(model: ChassisModel) -> dict[str, Any]:
-    corners = np.asarray(model.footprint)
     return {
         "footprint": footprint(model),
-        "inscribed_radius": round(inscribed_radius(corners), 4),
+        "inscribed_radius": round(inscribed_radius(model.footprint), 4),
+        "height": model.height,
+        "thickness": round(model.thickness, 4),
+        "width": round(model.width, 4),
         "wheel_distance": model.wheel_separation,
-        "width": round(float(np.ptp(corners[:, 1])), 4) if len(corners) else 0.0,
+        **_charge_contact(model),
+    }
+
+
+def _charge_contact(model: ChassisModel) -> dict[str, Any]:
+    """Where the contacts are and which direction they face, as this API counts: x to the right, y to the front.
+
+    Nothing for a chassis without contacts.
+    """
+    if model.charge_contact == "none":
+        return {}
+    at_front = model.charge_contact == "front"
+    reach = float(model.footprint[:, 0].max() if at_front else model.footprint[:, 0].min())
+    facing = math.pi / 2 if at_front else -math.pi / 2
+    return {
+        "charge_contact": {"pose_2d": [0.0, round(reach, 4), round(facing, 4)]},
+        "charge_contact_position": model.charge_contact,
     }
 
 

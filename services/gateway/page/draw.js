@@ -2,7 +2,6 @@
 import { drawOverlays } from "./overlays.js";
 import { arrow, dot, label, stroke, trace } from "./pen.js";
 
-const NO_FOOTPRINT = [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]];
 
 export function draw(view, known, aim, colours) {
   const [width, height] = view.resize();
@@ -93,11 +92,16 @@ function drawScan(view, points, colours) {
 function drawRobot(view, { pose: { pos, ori }, model, planning, wheels }, colours) {
   const [cos, sin] = [Math.cos(ori), Math.sin(ori)];
   const toMap = ([right, front]) => [pos[0] + cos * front + sin * right, pos[1] + sin * front - cos * right];
-  const footprint = model?.footprint ?? NO_FOOTPRINT;
   const moving = planning?.move_state === "moving";
   const stuck = moving && planning.stuck_state && planning.stuck_state !== "none";
   const pen = view.context;
   pen.lineJoin = "round";
+  if (!model) { // the driver has not described its chassis yet
+    dot(view, pos, 6);
+    stroke(pen, colours.robot, 2);
+    return;
+  }
+  const { footprint } = model;
   trace(view, footprint.map(toMap), true);
   stroke(pen, colours.halo, 5);
   pen.fillStyle = wheels?.emergency_stop_pressed ? colours.stopped : stuck ? colours.warn : colours.robot;

@@ -71,6 +71,7 @@ class Arm:
         self._order: Order | None = None
         self._taken: Order | None = None  # the order that the present segment follows
         self._mode: Mode = "hold"
+        self.latency_ns = 0  # between a measurement and when the command that answers it takes effect
         self._step = float(model.opt.timestep)
         data.qpos[self._qpos] = home
         self._torque, self._none = np.zeros(self.n), np.zeros(self.n)
@@ -178,7 +179,7 @@ class Arm:
             self._reference = Reference.at(self._now.position, self._now.velocity, self._step)
         if mode != self._mode or order is not self._taken:
             self._coasts = COASTS
-            self._plan(mode, order, ahead=0.0 if order is None else (stamp - order.answers) * 1e-9)
+            self._plan(mode, order, ahead=0.0 if order is None else (stamp - order.answers - self.latency_ns) * 1e-9)
         self._mode, self._taken = mode, order
 
     def servo(self) -> None:
@@ -198,7 +199,7 @@ class Arm:
 
     def _plan(self, mode: Mode, order: Order | None, ahead: float, ended: bool = False) -> None:
         """The next segment, from the present reference on. ``ahead``: by how many seconds the stream is further than
-        its newest command says; ``ended``: it is not, that was its last.
+        its newest command says, negative where that came before its latency had passed; ``ended``: it was the last.
         """
         self._ahead = ahead
         interval = FIRST_INTERVAL if order is None else order.interval

@@ -38,7 +38,7 @@ QUALITY_EXCELLENT = 10
 
 
 class Robot:
-    """A chassis of one model and data. ``dock_poses``: where its charging contacts meet a charger's."""
+    """A chassis of one model and data. ``dock_poses``: where contacts at a chassis' back meet a charger's."""
 
     def __init__(
         self,
@@ -96,8 +96,12 @@ class Robot:
 
     @property
     def charge_contact(self) -> bool:
-        """Its contacts meet a charger's: within 2 cm and 3° of a dock pose."""
+        """Its contacts meet a charger's: within 2 cm and 3° of a dock pose, turned round if they are at the front."""
+        if self.profile.charge_contact == "none":
+            return False
         x, y, yaw = self.pose
+        if self.profile.charge_contact == "front":
+            yaw += math.pi
         return any(
             math.hypot(x - dx, y - dy) < 0.02 and abs(wrap(yaw - dyaw)) < math.radians(3)
             for dx, dy, dyaw in self._dock_poses
@@ -191,10 +195,13 @@ class Robot:
         )
 
     def jack(self, stamp: int) -> Jack:
-        """Progress is the spindle's. The weight is what the servo bears beyond its own plate, to half a kilogram."""
+        """Progress is the spindle's. The weight is what the servo bears beyond its own plate, to half a kilogram.
+
+        Raises ``LookupError`` for a chassis without a jack.
+        """
         kind = self.profile.jack
         if kind is None or self._jack_motor is None:
-            return Jack(stamp=stamp, state="unknown", progress=0.0, weight=0.0)
+            raise LookupError(f"{self.name} has no jack")
         borne = float(self._data.actuator_force[self._jack_motor]) / GRAVITY - kind.mass
         weight = max(0.0, borne + 0.5 * self._noise.scale * float(self._weight_rng.standard_normal()))
         states = {0: "hold", 1: "jacking_up", -1: "jacking_down"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +14,9 @@ from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import InjectFault, Place
 from rackhand.services.sim.chassis.battery import BatteryModel
 from rackhand.services.sim.chassis.noise import NoiseSettings, PoseNoise, generator
-from rackhand.services.sim.simulation import CONTROL_STEP_NS
-from rackhand.worlds.chassis_model import BatteryKind
-from tests.sim.helpers import coast, drive, make_simulation, make_world, newest
+from rackhand.services.sim.simulation import CONTROL_STEP_NS, Simulation
+from rackhand.worlds.chassis_model import BatteryKind, load_profile
+from tests.sim.helpers import EXACT, coast, drive, make_simulation, make_world, newest
 
 WALL = {"wall_east": {"kind": "wall", "start": (3.1, -9), "end": (3.1, 9), "thickness": 0.2}}
 
@@ -235,3 +236,37 @@ def test_jack_stands_when_commands_stop() -> None:
     first = newest(simulation, topics.JACK)
     coast(simulation, 0.2)
     assert first.state == "hold" and newest(simulation, topics.JACK).progress == first.progress > 0
+
+
+@pytest.mark.parametrize(
+    ("side", "yaw", "meets"),
+    [
+        ("back", 0.0, True),
+        ("back", math.pi, False),
+        ("front", math.pi, True),
+        ("front", 0.0, False),
+        ("none", 0.0, False),
+    ],
+)
+def test_the_charge_contacts_are_at_the_side_that_the_profile_says(side: Any, yaw: float, meets: bool) -> None:
+    world = make_world(
+        robots={"amr1": {"profile": "longjack", "pose": (0, 0, yaw)}},
+        chargers={"dock": {"pose": (-0.8, 0, 0), "dock": (0, 0, 0)}},
+    )
+    profile = load_profile("longjack").model_copy(update={"charge_contact": side})
+    simulation = Simulation(world, {"amr1": profile}, 0, EXACT)
+    assert newest(simulation, topics.CONTACTS).charge_contact is meets
+
+
+def test_a_lidar_scans_at_the_rate_of_its_profile() -> None:
+    profile = load_profile("longjack")
+    fast = profile.model_copy(update={"lidar": profile.lidar.model_copy(update={"rate": 25.0})})
+    for described, scans in ((profile, 25), (fast, 50)):
+        simulation = Simulation(make_world(), {"amr1": described}, 0, EXACT)
+        assert sum(topic is topics.SCAN for topic, _ in coast(simulation, 2.0)) == scans
+
+
+def test_only_a_chassis_with_a_jack_publishes_one() -> None:
+    jackal = make_simulation(make_world(robots={"amr1": {"profile": "jackal", "pose": (0, 0, 0)}}))
+    assert topics.JACK not in [topic for topic, _ in coast(jackal, 1.0)]
+    assert topics.JACK in [topic for topic, _ in coast(make_simulation(), 1.0)]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,23 +19,14 @@ from scipy.ndimage import distance_transform_edt
 from rackhand import worlds
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.world import Place
-from tests.system.cell import Cell, without_arms
-from tests.system.driving import Driver
-from tests.system.judge import Judge, distance, standard, turn
+from tests.joined.world import JoinedWorld
+from tests.system.judge import distance, standard, turn
 
 CRATES = {"crate_1": (9.4, 7.1), "crate_2": (14.3, 9.6)}
 SEED, GOALS = 20, 20
+PARTS = 4  # each a test of its own, from the start
 CELL = 0.05  # m, of the map's picture
 CLEARANCE = 0.7  # m, from a goal to anything: the chassis turns there
-
-
-@pytest.fixture
-def driver(make_cell: Callable[..., Cell], tmp_path: Path) -> Iterator[Driver]:
-    cell = make_cell("--world", without_arms(tmp_path), "--lockstep", "--speed", "max", "--seed", str(SEED))
-    with Judge(cell.bus) as judge:
-        driver = Driver(cell, judge)
-        yield driver
-        driver.close()
 
 
 def free_goals(things: dict[str, tuple[float, float]]) -> Iterator[tuple[float, float, float]]:
@@ -76,25 +68,29 @@ def print_table(rows: list[tuple[Any, ...]]) -> None:
         print("{:>4} {:>6.2f} {:>6.2f} {:>6.2f} {:<10} {:>6.1f} {:>6.3f} {:>6.2f} {:>8}".format(*row))
 
 
-def test_twenty_goals_are_reached_and_nothing_is_touched(driver: Driver, capsys: pytest.CaptureFixture[str]) -> None:
-    judge = driver.judge
-    for name, (x, y) in CRATES.items():
-        judge.ask(Place(name=name, pose=Pose2(x=x, y=y, yaw=0.4), size=(0.5, 0.4, 0.5)))
-    racks = {name: (pose.x, pose.y) for name, pose in judge.true_poses().items() if name.startswith("rack")}
-    goals = free_goals(racks | CRATES)
-    rows = []
-    for number in range(GOALS):
-        x, y, yaw = next(goals)
-        begun = judge.now()
-        move = driver.drive(standard(x, y, yaw), within=300.0)
-        pose, world = judge.true_pose("amr1"), judge.inspect()
-        off, turned = distance(pose, x, y), math.degrees(turn(pose.yaw, yaw))
-        rows.append(
-            (number, x, y, yaw, move["state"], world.clock.stamp / 1e9 - begun, off, turned, world.contact_count)
-        )
-    with capsys.disabled():  # the table is a result, not a diagnosis
-        print_table(rows)
-    assert [row[4] for row in rows] == ["succeeded"] * GOALS
-    assert max(row[6] for row in rows) <= 0.05
-    assert max(row[7] for row in rows) <= 2.0
-    assert judge.inspect().contacts == ()
+@pytest.mark.parametrize("part", range(PARTS))
+def test_the_goals_are_reached_and_nothing_is_touched(
+    part: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with JoinedWorld("warehouse", tmp_path, seed=SEED, with_arms=False) as world:
+        for name, (x, y) in CRATES.items():
+            world.ask(Place(name=name, pose=Pose2(x=x, y=y, yaw=0.4), size=(0.5, 0.4, 0.5)))
+        racks = {name: (pose.x, pose.y) for name, pose in world.true_poses().items() if name.startswith("rack")}
+        goals = [*islice(free_goals(racks | CRATES), GOALS)]
+        rows = [drive_to(world, number, goals[number]) for number in range(part, GOALS, PARTS)]
+        with capsys.disabled():  # the table is a result, not a diagnosis
+            print_table(rows)
+        assert {row[4] for row in rows} == {"succeeded"}
+        assert max(row[6] for row in rows) <= 0.05
+        assert max(row[7] for row in rows) <= 2.0
+        assert world.inspect().contacts == ()
+
+
+def drive_to(world: JoinedWorld, number: int, goal: tuple[float, float, float]) -> tuple[Any, ...]:
+    """A row of the table: the goal, how the move ended, and how far off the chassis truly is."""
+    x, y, yaw = goal
+    begun = world.now()
+    move = world.chassis().drive(standard(x, y, yaw), within=300.0)
+    pose, contacts = world.true_pose("amr1"), world.inspect().contact_count
+    off, turned = distance(pose, x, y), math.degrees(turn(pose.yaw, yaw))
+    return number, x, y, yaw, move.state, world.now() - begun, off, turned, contacts

@@ -12,20 +12,10 @@ from rackhand.services.controller.motion.profile import hardware_limits
 from rackhand.services.controller.trajectory.continuation import follow
 from rackhand.services.controller.trajectory.geometry import Tolerance, task_path
 from rackhand.services.controller.trajectory.model import PathRefused, TcpPose
-from tests.system.station import (
-    BAD,
-    PERIOD,
-    Array,
-    Station,
-    check_commands,
-    check_limits,
-    off_line,
-    pose,
-    speeds,
-    tools,
-)
+from tests.joined.arm import JoinedArm
+from tests.joined.checks import BAD, PERIOD, Array, check_commands, check_limits, off_line, pose, speeds, tools
 
-Either = tuple[Station, ik.Arm]
+Either = tuple[JoinedArm, ik.Arm]
 
 # From one posture to another, a straight line of the tool. On the way the UR's wrist 2 passes 0, where joints 4 and 6
 # are parallel; the FR3's wrist passes above its shoulder, where joint 1 cannot move it and joints 3 and 5 are no help.
