@@ -16,7 +16,6 @@ MAX_LINES = 450
 LONG_SIGNATURES = {
     "services/launch/cli.py:up": "command line",
     "services/sim/__main__.py:main": "command line",
-    "services/planner/__main__.py:main": "command line",
     "services/controller/ik/kernels/tick.py:tick": "waits for NamedTuples",
     "services/planner/control/braking_guard.py:_braking_is_free": "waits for NamedTuples",
 }

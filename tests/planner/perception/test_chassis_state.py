@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rackhand.schemas.base import NANOSECONDS, Pose2, Twist2
-from rackhand.schemas.chassis import ChassisModel, LocalisedPose, Odometry
-from rackhand.schemas.world import Clock
+from rackhand.schemas.chassis import ChassisModel, LocalisedPose, Odometry, RemoteTwist
 from rackhand.services.planner.perception.chassis_state import POSE_TIMEOUT_NS, QUALITY_LOST, ChassisState
 from tests.chassis_models import chassis_model
 
@@ -35,7 +34,7 @@ def test_an_observation_needs_odometry_and_a_pose() -> None:
 
 
 def test_other_messages_are_not_kept() -> None:
-    assert not ChassisState().take(Clock(stamp=0, unix_ns=0))
+    assert not ChassisState().take(RemoteTwist(twist=Twist2(linear=0.0, angular=0.0)))
 
 
 def test_a_reset_keeps_the_model_alone() -> None:
