@@ -17,7 +17,6 @@ from scipy.sparse.csgraph import dijkstra
 from benchmarks.report import Report, median, percentile
 from rackhand import worlds
 from rackhand.schemas.maps import MapData
-from rackhand.services.planner.behaviors.navigator import LONGEJACK_BODY
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.map.directory import read_map_directory
 from rackhand.services.planner.map.grid import StaticMap, load_map
@@ -25,6 +24,7 @@ from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, 
 from rackhand.services.planner.settings import NavigationSettings
 
 QUERIES, SEED = 60, 3
+LONGJACK = ((0.379, 0.23), (-0.369, 0.23), (-0.369, -0.23), (0.379, -0.23))
 Cell = tuple[int, int]
 # Path length in metres, or None for no way.
 Planner = Callable[[Cell, Cell], float | None]
@@ -89,7 +89,7 @@ def random_queries(free: NDArray[np.bool_]) -> list[tuple[Cell, Cell]]:
 
 
 def own(static: StaticMap) -> Planner:
-    planner = GlobalPlanner(static.geometry, Footprint.of(np.array(LONGEJACK_BODY)), NavigationSettings())
+    planner = GlobalPlanner(static.geometry, Footprint.of(np.array(LONGJACK)), NavigationSettings())
 
     def plan(start: Cell, goal: Cell) -> float | None:
         here = np.array([*static.geometry.centre(*start), 0.0])

@@ -1,10 +1,10 @@
-"""Trajectory time ÷ TOPP-RA time over 20 seeded way-point paths, both arms.
+"""Trajectory time ÷ TOPP-RA time over 20 seeded waypoint paths, both arms.
 
 Two references, both without any jerk limit and at the full velocity and acceleration limits:
 
 * same path: TOPP-RA on exactly the blended path that is driven, on the same grid. What the ratio exceeds 1 by is the
   price of bounded jerk and of the planner's margins; without these two ours is the same problem, solved by ourselves.
-* spline: TOPP-RA on the cubic spline through all way-points, the usual way to use it, which rounds no corner.
+* spline: TOPP-RA on the cubic spline through all waypoints, the usual way to use it, which rounds no corner.
 
 Without `toppra` the same-path reference is our own solver without filter and margins.
 """
@@ -46,7 +46,7 @@ class Result:
     planning: float
 
 
-def way_points(limits: JointLimits, seed: int) -> Array:
+def waypoints(limits: JointLimits, seed: int) -> Array:
     """4 to 8 points uniformly in 80 % of the joint ranges, every second path in a third of that."""
     rng = np.random.default_rng(seed)
     middle, half = (limits.upper + limits.lower) / 2, (limits.upper - limits.lower) / 2
@@ -55,7 +55,7 @@ def way_points(limits: JointLimits, seed: int) -> Array:
 
 
 def measure(limits: JointLimits, seed: int, planning: Planning) -> Result:
-    points = way_points(limits, seed)
+    points = waypoints(limits, seed)
     began = time.process_time()
     curve = joint_path(points, Tolerance()).curve()
     lines = rows(curve, limits, planning)
@@ -112,7 +112,7 @@ def run(paths: int = 20) -> Report:
         lines.append(_spread(name, "bounded jerk, margins", same, [r.ours / r.same_path for r in results]))
         lines.append(_spread(name, "no jerk limit, no margins", same, [r.unbounded / r.same_path for r in results]))
         if HAS_TOPPRA:
-            spline = "`toppra`, spline through the way-points"
+            spline = "`toppra`, spline through the waypoints"
             lines.append(_spread(name, "bounded jerk, margins", spline, [r.ours / r.spline for r in results]))
         milliseconds += [1e3 * r.planning for r in results]
         worst = max(worst, *(max(r.use) for r in results))
@@ -121,7 +121,7 @@ def run(paths: int = 20) -> Report:
         "python -m benchmarks trajectory",
         ("arm", "ours", "reference, without jerk limit", "ratio, median", "least", "most"),
         lines,
-        f"{paths} seeded way-point paths of each arm at its full velocity, acceleration and jerk limits, of "
+        f"{paths} seeded waypoint paths of each arm at its full velocity, acceleration and jerk limits, of "
         f"which ours uses {100 * worst:.1f} % at most. The references use velocity and acceleration to the full and "
         "know no jerk limit; without margins and jerk limit ours solves the very problem of the first reference. "
         f"Planning one path takes {np.median(milliseconds):.1f} ms of CPU (median).",

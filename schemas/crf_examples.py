@@ -1,4 +1,4 @@
-"""One worked example of everything a CRF client may say to a six-joint arm, and of what it may hear.
+"""One worked example of every request of a CRF client to a six-joint arm, and of every kind of answer.
 
 The OpenAPI document, ``rackhand motion --help`` and the manual show these; a test has the protocol accept each.
 """
@@ -26,7 +26,7 @@ REQUESTS: dict[str, Example] = {
         "user": {"name": "ann", "role": "operator"},
     },
     "unlock": {"command": "unlockControl", "priority": 10},
-    "resume after somebody's stop": {"command": "resumeControl", "priority": 10},
+    "resume after another client's stop": {"command": "resumeControl", "priority": 10},
     "path of joints": {
         "command": "appendPath", "priority": 10, "type": "joints", "data": [_HOME, [0.3, *_HOME[1:]]], "id": "p1",
     },
@@ -48,7 +48,7 @@ REQUESTS: dict[str, Example] = {
     "velocity of the tool, base axes": {
         "command": "setVelocity", "priority": 10, "type": "task", "reference": 1, "data": [0.05, 0, 0, 0, 0, 0],
     },
-    "velocity of the tool, its own axes, late ones told": {
+    "velocity of the tool, its own axes, late samples detected": {
         "command": "setVelocity", "priority": 10, "type": "task", "reference": 2, "data": [0, 0, 0.02, 0, 0, 0.1],
         "sequence": 17, "timeout": 0.05,
     },
@@ -97,7 +97,7 @@ REQUESTS: dict[str, Example] = {
 ANSWERS: dict[str, Example] = {
     "locked": {"command": "reply", "replyCommand": "lockControl", "message": True, "id": 1},
     "done": {"command": "reply", "replyCommand": "appendPath", "message": {"value": True, "code": 200, "detail": 0}},
-    "held by somebody else": {
+    "held by another client": {
         "command": "reply", "replyCommand": "appendPath", "message": {"code": 403, "detail": 0},
         "text": "#5f0c2a9b71d3e846 holds priority 5",
     },

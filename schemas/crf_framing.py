@@ -49,9 +49,9 @@ def encode(packet: Packet) -> bytes:
 class Decoder:
     """Takes bytes in pieces of any size and gives the packets they complete.
 
-    What is no packet is skipped, and counted in ``skipped``: after a header whose checksum is wrong the search goes on
-    with the byte behind its first ``~``, so that a packet hidden in garbage is still found. A right header of more than
-    ``max_payload`` bytes ends the reading: its length is in ``too_large``, and nothing is taken from then on.
+    Bytes that are no packet are skipped, and counted in ``skipped``: after a header with a wrong checksum the search
+    continues at the byte after its first ``~``, so that a packet hidden in garbage is still found. A valid header of
+    more than ``max_payload`` bytes ends the decoding: its length is in ``too_large``, and further bytes are ignored.
     """
 
     def __init__(self, max_payload: int = MAX_PAYLOAD) -> None:
@@ -66,7 +66,7 @@ class Decoder:
         if self.too_large:
             return packets
         self._buffer += data
-        # While a large payload trickles in there is nothing to look at before the last of it.
+        # A large payload arrives in pieces; nothing can be decoded before the last of them.
         if len(self._buffer) < self._wanted:
             return packets
         position = 0
@@ -77,7 +77,7 @@ class Decoder:
         return packets
 
     def _next(self, position: int) -> tuple[Packet | None, int] | None:
-        """A packet (or none) and where to go on; ``None`` when more bytes are needed. Drops what is done with."""
+        """A packet (or none) and where to continue; ``None`` when more bytes are needed. Drops bytes that are used."""
         buffer = self._buffer
         run = _TILDES.search(buffer, position)
         if run is None:

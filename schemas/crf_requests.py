@@ -15,7 +15,7 @@ from rackhand.schemas.orientation import CrfFloat, TaskPose
 
 MAX_PRIORITY = 2**32 - 1
 ALIAS_MARK = "#"
-"""What the names begin with that clients without one are given: no ``client`` may."""
+"""First character of the names that clients without a name are given: no ``client`` may begin with it."""
 
 
 def _whole(value: Any) -> Any:
@@ -65,38 +65,39 @@ class ControlRequest(Request):
     lease_id: CrfInt | None = None
     epoch: Annotated[str, Field(max_length=64)] | None = None
     takeover: Literal["stop", "continue"] = Field(
-        "stop", description="extension: at a change of holder, stop and clear first, or go on with what is running"
+        "stop",
+        description="extension: at a change of holder, stop and clear the queue, or continue the motion",
     )
 
 
 class LockControl(Request):
-    """Takes control, or refreshes it; false where somebody else keeps it, and then waits for it."""
+    """Takes control, or refreshes it. ``false`` if another client keeps it; the request then waits for it."""
 
     command: Literal["lockControl"]
     priority: Priority
     keep_alive: CrfFloat | None = Field(None, description="extension: seconds until the lock expires unrefreshed")
     on_loss: Literal["softStop", "finishPath", "hold"] | None = Field(
-        None, description="extension: what a lost holder's motion does"
+        None, description="extension: what happens to the motion when control is lost"
     )
     takeover: Literal["stop", "continue"] = "stop"
     force: bool = Field(False, description="extension: take control from a smaller number; needs a role")
 
 
 class UnlockControl(Request):
-    """Gives control back; false where it was not this client's. What it set in motion is finished."""
+    """Gives control back; ``false`` if this client did not hold it. A path that it started is finished."""
 
     command: Literal["unlockControl"]
     priority: Priority
 
 
 class ResumeControl(ControlRequest):
-    """Extension: lifts the latch that another client's stop has set."""
+    """Extension: allows motion again after another client's stop."""
 
     command: Literal["resumeControl"]
 
 
 class AppendJointsPath(ControlRequest):
-    """Way-points [rad], one list a point, driven in order behind what is queued."""
+    """Waypoints [rad], one list a point, driven in order after the queued ones."""
 
     command: Literal["appendPath"]
     type: Literal["joints"]
@@ -104,7 +105,7 @@ class AppendJointsPath(ControlRequest):
 
 
 class AppendTaskPath(ControlRequest):
-    """Way-points of the tool. ``method`` 1 joint-space, 2 task-space trajectory; ``reference`` 1 robot base, 2 TCP as
+    """Waypoints of the tool. ``method`` 1 joint-space, 2 task-space trajectory; ``reference`` 1 robot base, 2 TCP as
     it is at the call."""
 
     command: Literal["appendPath"]
@@ -126,12 +127,13 @@ class _Signal(ControlRequest):
 
 
 class _Stream(_Signal):
-    """A reference that dies 100 ms after its last refresh. The extensions let late and replayed samples be told."""
+    """A reference that ends 100 ms after its last refresh. With the extensions, late and replayed samples are
+    detected."""
 
     reference: CrfInt | None = Field(None, description="mandatory for task: 1 robot base, 2 TCP at reception")
     sequence: Count | None = Field(None, description="extension: grows from sample to sample")
     stamp: Count | None = Field(None, description="extension: ns of world/clock the sample answers")
-    timeout: CrfFloat | None = Field(None, description="extension: seconds until this sample dies, at most 0.1")
+    timeout: CrfFloat | None = Field(None, description="extension: seconds until this sample expires, at most 0.1")
 
     @model_validator(mode="after")
     def _referenced(self) -> Self:
@@ -141,49 +143,50 @@ class _Stream(_Signal):
 
 
 class SetVelocity(_Stream):
-    """Velocity of the joints [rad/s] or the tool [m/s, rad/s]; dies 100 ms after its last refresh."""
+    """Velocity of the joints [rad/s] or the tool [m/s, rad/s]; ends 100 ms after its last refresh."""
 
     command: Literal["setVelocity"]
 
 
 class SetTorque(_Stream):
-    """Torque of the joints [N·m] or wrench at the tool [N, N·m], gravity apart; dies 100 ms after its last refresh."""
+    """Torque of the joints [N·m] or wrench at the tool [N, N·m], without gravity; ends 100 ms after its last
+    refresh."""
 
     command: Literal["setTorque"]
 
 
 class SetProfileVelocity(_Signal):
-    """How fast paths are driven that are appended from now on."""
+    """Velocity of paths that are appended from now on."""
 
     command: Literal["setProfileVelocity"]
 
 
 class SetProfileAcceleration(_Signal):
-    """How hard they accelerate, and how hard soft stops brake."""
+    """Acceleration of paths that are appended from now on, and deceleration of soft stops."""
 
     command: Literal["setProfileAcceleration"]
 
 
 class _Stop(Request):
-    """A stop is taken from anyone; ``priority`` counts under ``strictCrf`` only."""
+    """A stop is accepted from any client; ``priority`` counts under ``strictCrf`` only."""
 
     priority: Priority | None = None
 
 
 class SoftStop(_Stop):
-    """Brakes along the path within the deceleration limits, and forgets what is queued. Taken from anyone."""
+    """Brakes along the path within the deceleration limits and clears the queue. Accepted from any client."""
 
     command: Literal["softStop"]
 
 
 class HardStop(_Stop):
-    """Brakes as hard as the joints can, and forgets what is queued. Taken from anyone. No emergency stop."""
+    """Brakes as hard as the joints can and clears the queue. Accepted from any client. Not an emergency stop."""
 
     command: Literal["hardStop"]
 
 
 class SetParameters(ControlRequest):
-    """Stop conditions and objective functions, all of a call or none of it."""
+    """Stop conditions and objective functions: all of a call, or none if one is refused."""
 
     command: Literal["setParameters"]
     data: dict[str, Any]  # raw here: its content is refused with an ``expected``, not with an error
@@ -197,19 +200,19 @@ class SetGripper(ControlRequest):
 
 
 class StartJointsControl(ControlRequest):
-    """Begins a control loop without motion."""
+    """Begins a control loop of the joints without motion."""
 
     command: Literal["startJointsControl", "startJointsControlLoop"]
 
 
 class StartTaskControl(ControlRequest):
-    """The same for the tool."""
+    """Begins a control loop of the tool without motion."""
 
     command: Literal["startTaskControl", "startTaskControlLoop"]
 
 
 class GetStatus(Request):
-    """Where the arm is, whether it moves, who holds it."""
+    """Measured signals, whether a trajectory runs, who holds control."""
 
     command: Literal["getStatus"]
 
@@ -229,26 +232,26 @@ class StartStreamStatus(Request):
 
 
 class StopStreamStatus(Request):
-    """Ends it."""
+    """Ends the status stream."""
 
     command: Literal["stopStreamStatus"]
 
 
 class StartHeartbeat(Request):
-    """From now on a silence of ``period`` seconds is taken as this client's end."""
+    """Starts supervision: without a ``heartbeat`` for ``period`` seconds this client counts as disconnected."""
 
     command: Literal["startHeartbeat"]
     period: CrfFloat = Field(description="seconds")
 
 
 class Heartbeat(Request):
-    """A sign of life; keeps a held lock too."""
+    """Confirms that the client is alive; refreshes its lock too."""
 
     command: Literal["heartbeat"]
 
 
 class StopHeartbeat(Request):
-    """Ends the watch."""
+    """Ends the supervision."""
 
     command: Literal["stopHeartbeat"]
 
@@ -276,4 +279,4 @@ REQUESTS: tuple[type[Request], ...] = (
 OPTIONAL_COMMANDS = frozenset(
     word for model in REQUESTS if issubclass(model, ControlRequest) for word in words(model)
 ) - {"resumeControl"}
-"""What a controller may not offer, as CRF's kinds of controllers each do without some (405)."""
+"""Commands that a controller may leave out (405), as each kind of CRF controller does with some."""

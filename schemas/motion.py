@@ -151,7 +151,7 @@ class TaskSpace(_Pascal):
     wz: bool = True
 
 
-class JointLimits(_Pascal):
+class ConfiguredJointLimits(_Pascal):
     max_position: CrfVector
     min_position: CrfVector
     max_velocity: CrfVector
@@ -159,7 +159,7 @@ class JointLimits(_Pascal):
     max_torque: CrfVector
 
 
-class TaskLimits(_Pascal):
+class ConfiguredTaskLimits(_Pascal):
     max_velocity: CrfVec6
     max_acceleration: CrfVec6
 
@@ -176,8 +176,8 @@ class RobotConfiguration(_Pascal):
 
     joint_space_degree_of_freedom: Annotated[int, Field(ge=1)]
     controller_loop_time_ms: Annotated[float, Field(gt=0)]
-    joint_limits: JointLimits
-    task_limits: TaskLimits
+    joint_limits: ConfiguredJointLimits
+    task_limits: ConfiguredTaskLimits
     profile_parameters: ProfileParameters
     task_space_degree_of_freedom: Annotated[int, Field(ge=0, le=6)] = 6
     task_space: TaskSpace = TaskSpace()

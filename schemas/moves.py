@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import Field
@@ -102,7 +102,13 @@ class MoveReply(Message):
 
 
 class PlanningState(Message):
-    """How the current (or last) move stands; the source of ``/planning_state``."""
+    """State of the current (or last) move; the source of ``/planning_state``.
+
+    ``message``: why the move is held, failed or was cancelled; empty otherwise. ``move_intent``: what a move without a
+    target pose does, as docking.
+    """
+
+    VERSION: ClassVar[int] = 2
 
     stamp: Stamp
     map_uid: str = ""
@@ -112,6 +118,8 @@ class PlanningState(Message):
     fail_reason: int = 0
     remaining_distance: float = 0.0
     target: Pose2 | None = None
+    message: str = ""
+    move_intent: str = "none"
     stuck_state: StuckState = "none"
     viewport_blocked: bool = False
 

@@ -7,7 +7,7 @@ from rackhand.services.controller.ik import Arm, DifferentialIk
 
 
 class Ours:
-    """`DifferentialIk` with a posture objective."""
+    """``DifferentialIk`` with a posture objective."""
 
     name, limits = "rackhand", "position, velocity, acceleration"
 

@@ -54,7 +54,7 @@ class Client:
         raise TimeoutError("the cell does not answer")
 
     def drive_for(self, seconds: float, driver: Driver | None = None) -> None:
-        """Begin a path through way-points to and fro that takes at least so long."""
+        """Begin a path through waypoints to and fro that takes at least so long."""
         status = self.ask_while_running(driver, command="getStatus")["message"]
         here = status["jointPositions"]["value"]
         there = [here[0] + 1.0, *(q + 0.2 for q in here[1:])]
@@ -69,13 +69,13 @@ class Client:
 
 def first_motions(client: Client, driver: Driver, times: int) -> dict[str, list[float]]:
     """Seconds from POST to the first command that differs, by request."""
-    found: dict[str, list[float]] = {"setVelocity, joints": [], "appendPath, one way-point": []}
+    found: dict[str, list[float]] = {"setVelocity, joints": [], "appendPath, one waypoint": []}
     for i in range(times):
         sign = 1 if i % 2 else -1
         joints = len(driver.position)
         requests: dict[str, dict[str, Any]] = {
             "setVelocity, joints": {"command": "setVelocity", "type": "joints", "data": [0.2 * sign] * joints},
-            "appendPath, one way-point": {
+            "appendPath, one waypoint": {
                 "command": "appendPath", "type": "joints", "data": [[q + 0.02 * sign for q in driver.position]],
             },
         }  # fmt: skip

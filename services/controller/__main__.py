@@ -27,11 +27,11 @@ from rackhand.services.controller.warm_up import warm_up
 
 log = get_logger(__name__)
 
-# How long a plan made beside the loop may keep the interpreter from it, in seconds.
+# Seconds for which a planning thread may keep the interpreter from the control loop.
 SWITCH_INTERVAL = 0.0005
 
 _EXAMPLES = """
-Moves one arm as CRF commands ask.
+Motion controller of one arm, commanded by CRF requests.
 
 Examples:
 
@@ -96,7 +96,10 @@ def main(
                 bus.handle_signals()
                 freeze_gc()
                 if not run_in_real_time():
-                    log.info("not in real time: on a busy machine ticks may be late", help="docs/development.md")
+                    log.info(
+                        "real-time scheduling is not available: on a busy machine ticks may be late",
+                        help="docs/development.md",
+                    )
                 ControllerService(bus, robot, model.n, controller, audit).run()
         finally:
             planning.shutdown(wait=False, cancel_futures=True)

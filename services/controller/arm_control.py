@@ -54,7 +54,8 @@ class ArmControl:
         self.reset(())
 
     def reset(self, codes: tuple[CrfCode, ...]) -> None:
-        """There is no driver: the next tick begins anew, with ``codes`` in the status until then."""
+        """The driver is disconnected: the next tick starts from its arm state. Until then the status shows
+        ``codes``."""
         self._guard = StreamGuard()
         self._observer = Observer(self.motion.kinematics)
         self.codes = StatusCodes()

@@ -21,7 +21,7 @@ _FAILED = "the controller failed to answer; its log says more"
 
 
 class RequestHandler:
-    """Executes requests on ``arm``. ``dispatcher`` is replaced when access begins anew."""
+    """Executes requests on ``arm``. ``dispatcher`` is replaced when priority access is reset."""
 
     def __init__(
         self, dispatcher: Dispatcher, commands: CommandTable, arm: ArmControl, reader: Executor, outbox: Outbox

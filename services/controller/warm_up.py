@@ -1,4 +1,4 @@
-"""Everything that is compiled or imported at its first use is used once before the arm is ready."""
+"""Uses everything once that is compiled or imported at its first use, before the arm is ready."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rackhand.services.controller.controller import Controller
 
 
 class Inline(Executor):
-    """Does at once what it is given."""
+    """Runs every job at once."""
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
         future: Future[Any] = Future()
@@ -24,7 +24,7 @@ class Inline(Executor):
 
 
 def warm_up(arm: ik.Arm, period_ns: int) -> None:
-    """Drives an arm that is not there: along a line, around a corner, at a velocity, to a stop."""
+    """Drives an imaginary arm: along a line, around a corner, at a velocity, to a stop."""
     controller = Controller(arm, period_ns, Inline(), lambda: "warm-up")
     here = controller.motion.kinematics.forward(arm.home)
     x, y, z = here.translation.tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated
 
@@ -13,15 +14,16 @@ from rackhand.bus.log import configure_logging, get_logger
 from rackhand.runtime.memory import freeze_gc
 from rackhand.runtime.priority import PLANNER, set_niceness
 from rackhand.schemas.service import ServiceId
-from rackhand.services.planner.behaviors.navigator import ChassisNavigator
 from rackhand.services.planner.chassis import Chassis, ChassisSettings
 from rackhand.services.planner.errors import StoreError
 from rackhand.services.planner.map.directory import MapDirectoryError, read_map_directory
-from rackhand.services.planner.modes import RemoteLimits
+from rackhand.services.planner.modes import REMOTE_LIMITS, RemoteSettings
+from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.records import HISTORY_LIMIT
 from rackhand.services.planner.service import PlannerService
 from rackhand.services.planner.settings import NavigationSettings, SpeedCaps
 from rackhand.services.planner.store import PlannerStore
+from rackhand.services.planner.warm_up import warm_up
 
 log = get_logger(__name__)
 
@@ -60,21 +62,25 @@ def main(
         float | None, typer.Option(min=0.05, help="rad/s, at most what the chassis can  [default: what it can]")
     ] = None,
     remote_max_forward_velocity: Annotated[float, typer.Option(min=0.0, max=2.0, help="m/s in remote mode")] = 0.8,
+    refuse_moves_while_jacking: Annotated[
+        bool,
+        typer.Option(help="refuse a move while the jack travels, instead of holding it"),
+    ] = False,
 ) -> None:
     configure_logging("planner")
     set_niceness(PLANNER)
     caps = SpeedCaps(max_forward_velocity or math.inf, max_angular_velocity or math.inf)
-    remote = RemoteLimits(
-        max_forward_velocity=remote_max_forward_velocity,
-        max_angular_velocity=min(RemoteLimits.max_angular_velocity, caps.max_angular_velocity),
+    settings = ChassisSettings(
+        remote=RemoteSettings(REMOTE_LIMITS._replace(max_forward_velocity=remote_max_forward_velocity)),
+        refuse_moves_while_jacking=refuse_moves_while_jacking,
     )
+    navigation = NavigationSettings(caps=caps)
     path = store or Path("var") / robot / "planner.sqlite"
     try:
-        with PlannerStore(path, robot, history) as kept:
+        with PlannerStore(path, robot, history) as kept, ThreadPoolExecutor(1, thread_name_prefix="plan") as planning:
             _prepare(kept, map_directory)
-            navigator = ChassisNavigator(NavigationSettings(caps=caps))
-            navigator.warm_up()
-            chassis = Chassis(navigator, kept.moves, kept.maps, ChassisSettings(remote=remote))
+            warm_up(navigation)
+            chassis = Chassis(Motion(navigation, planning), kept.moves, kept.maps, settings)
             with Bus(ServiceId("planner", robot)) as bus:
                 bus.handle_signals()
                 freeze_gc()

@@ -1,4 +1,4 @@
-"""What the planner tells of itself: which message, and when it is due."""
+"""What the planner publishes: which message, and when it is due."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rackhand.schemas.chassis import ChassisStatus, Costmap
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import MoveEvent, PlannedPath, PlanningState
 from rackhand.schemas.topics import Topic
-from rackhand.services.planner.behaviors.interface import Progress
+from rackhand.services.planner.behaviors.base import Status
 
 PERIOD_NS = NANOSECONDS // 5
 COSTMAP_PERIOD_NS = NANOSECONDS
@@ -28,14 +28,14 @@ class Publication:
 
 
 class Reports:
-    """Collects publications: what changed at once, and what merely goes on at 5 Hz of simulation time."""
+    """Collects publications: changes at once, progress at 5 Hz of simulation time."""
 
     def __init__(self) -> None:
         self._due: list[Publication] = []
         self._planning: PlanningState | None = None
         self._status: ChassisStatus | None = None
         self._path = np.empty((0, 3))
-        self._path_known, self._path_stamp = False, 0
+        self._path_known, self._path_stamp, self._plans = False, 0, 0
         self._costmap_stamp: int | None = None
 
     def take(self) -> list[Publication]:
@@ -60,14 +60,14 @@ class Reports:
             self._planning = state
             self._put(topics.PLANNING_STATE, state)
 
-    def path(self, stamp: int, progress: Progress | None) -> None:
+    def path(self, stamp: int, status: Status) -> None:
         """The path ahead at 5 Hz when it changed, at once when it is a new one or has ended."""
-        poses = np.empty((0, 3)) if progress is None else progress.path
-        urgent = not self._path_known or len(poses) == 0 or (progress is not None and progress.replanned)
+        poses = status.path
         if self._path_known and np.array_equal(poses, self._path):
             return
+        urgent = not self._path_known or len(poses) == 0 or status.plans != self._plans
         if urgent or _another_period(self._path_stamp, stamp):
-            self._path, self._path_stamp, self._path_known = poses.copy(), stamp, True
+            self._path, self._path_stamp, self._path_known, self._plans = poses.copy(), stamp, True, status.plans
             self._put(topics.PATH, PlannedPath(stamp=stamp, poses=poses))
 
     def is_costmap_due(self, stamp: int) -> bool:

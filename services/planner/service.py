@@ -103,8 +103,8 @@ class PlannerService:
     def on_clock(self, clock: Clock) -> None:
         self._chassis.on_clock(clock)
 
-    def tick(self, lockstep: bool) -> ChassisCommand:  # noqa: ARG002 - nothing is planned beside the tick
-        return self._chassis.tick()
+    def tick(self, lockstep: bool) -> ChassisCommand:
+        return self._chassis.tick(lockstep)
 
     def tick_failed(self, error: Exception) -> ChassisCommand:
         return self._chassis.fail_internally(error)

@@ -25,6 +25,17 @@ class Limits(NamedTuple):
     max_angular_velocity: float = 1.2
     max_angular_acc: float = 1.5
 
+    def within(self, other: Limits) -> Limits:
+        """The tighter of both, value by value."""
+        return Limits(
+            max_forward_velocity=min(self.max_forward_velocity, other.max_forward_velocity),
+            max_backward_velocity=max(self.max_backward_velocity, other.max_backward_velocity),
+            max_forward_acc=min(self.max_forward_acc, other.max_forward_acc),
+            max_forward_decel=max(self.max_forward_decel, other.max_forward_decel),
+            max_angular_velocity=min(self.max_angular_velocity, other.max_angular_velocity),
+            max_angular_acc=min(self.max_angular_acc, other.max_angular_acc),
+        )
+
 
 @dataclass(frozen=True)
 class SpeedCaps:
@@ -123,7 +134,6 @@ class NavigationSettings:
     scan_timeout: float = 1.0
     scan_fail_after: float = 5.0
     scan_min_valid_fraction: float = 0.05
-    pose_timeout: float = 0.5
     forget_after: float = 300.0
     forget_mover_after: float = 2.0
 

@@ -4,51 +4,61 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from PIL import Image
 
-from rackhand.schemas.base import Pose2, Twist2
-from rackhand.schemas.chassis import Scan
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.chassis import LocalisedPose, Odometry, Scan
 from rackhand.schemas.maps import MapData
-from rackhand.services.planner.behaviors.interface import Navigator
+from rackhand.schemas.moves import MoveCreate
+from rackhand.services.planner.behaviors.base import Drive
 from rackhand.services.planner.control.dynamic_avoidance import least_gap
 from rackhand.services.planner.control.mppi import CostField, Mppi
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.map.grid import load_map
-from rackhand.services.planner.perception.chassis_state import Observation
+from rackhand.services.planner.motion import Motion
+from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
-from rackhand.services.planner.planning.goals import Goal
 from rackhand.services.planner.planning.plan import GlobalPlanner, Target
 from rackhand.services.planner.settings import NavigationSettings
 
 TICK = 40_000_000
+BODY = np.array([(0.4, 0.2), (-0.4, 0.2), (-0.4, -0.2), (0.4, -0.2)])
 
 
-def warm_up(settings: NavigationSettings, make: Callable[[NavigationSettings], Navigator]) -> None:
-    """Makes a navigator of its own for it; the one that is being warmed keeps its map and state."""
-    navigator = make(settings)
-    navigator.set_map(_room())
-    navigator.start(Goal(4.0, 2.0, 1.0), _seen(0))
-    for k in range(3):
-        navigator.tick(_seen(k * TICK))
-    navigator.stop()
-    # A corridor in which the body cannot turn: the search with the footprint.
-    navigator.set_map(_room(corridor=True))
-    navigator.observe(_seen(3 * TICK))
-    navigator.start(Goal(4.0, 2.5, 0.0), _seen(3 * TICK))
-    navigator.tick(_seen(3 * TICK))
-    navigator.brake(_seen(4 * TICK))
+def warm_up(settings: NavigationSettings) -> None:
+    """With a ``Motion`` of its own: the real one keeps its map and state."""
+    with ThreadPoolExecutor(1) as executor:
+        motion = Motion(settings, executor)
+        motion.set_footprint(Footprint.of(BODY))
+        motion.plans.lockstep = True
+        _drive(motion, _room(), MoveCreate(target_x=4.0, target_y=2.0, target_ori=1.0), 0)
+        # A corridor in which the body cannot turn: the search with the footprint.
+        _drive(motion, _room(corridor=True), MoveCreate(target_x=4.0, target_y=2.5, target_ori=0.0), 4 * TICK)
     _give_way(settings)
+
+
+def _drive(motion: Motion, data: MapData, request: MoveCreate, stamp: int) -> None:
+    motion.set_map(data)
+    motion.begin(request)
+    limits = motion.settings.control
+    for k in range(4):
+        state = _measured(stamp + k * TICK)
+        motion.perceive(state)
+        outcome = motion.step(state)
+        motion.command(outcome if isinstance(outcome, Drive) else None, state, limits)
+    motion.end()
+    motion.brake(stamp + 4 * TICK)
 
 
 def _give_way(settings: NavigationSettings) -> None:
     """Somebody comes towards the chassis: what real moves meet only when somebody does."""
     static = load_map(_room(), settings.slow_zone_velocity)
     room = DistanceGrid.of(static.blocked, static.geometry)
-    footprint = Footprint.of(np.array([(0.4, 0.2), (-0.4, 0.2), (-0.4, -0.2), (0.4, -0.2)]))
+    footprint = Footprint.of(BODY)
     here, goal = np.array([1.0, 2.5, 0.0]), np.array([4.0, 2.5, 0.0])
     movers = np.array([(3.0, 2.5, -1.0, 0.0, 0.25)])
     plan = GlobalPlanner(static.geometry, footprint, settings).plan(here, Target(4.0, 2.5, 0.0), static.blocked)
@@ -73,16 +83,20 @@ def _room(corridor: bool = False) -> MapData:
     )  # fmt: skip
 
 
-def _seen(stamp: int) -> Observation:
-    pose = Pose2(x=1.0, y=2.47, yaw=0.0)
+def _measured(stamp: int) -> ChassisState:
+    state, pose = ChassisState(), Pose2(x=1.0, y=2.47, yaw=0.0)
     ranges = np.full(360, 9.0, dtype="<f4")
     ranges[:5] = 0.6  # something behind
-    scan = Scan(
-        stamp=stamp,
-        sensor=Pose2(x=0.0, y=0.0, yaw=0.0),
-        angle_min=-math.pi,
-        angle_step=math.pi / 180,
-        range_max=10.0,
-        ranges=ranges,
+    state.take(
+        Scan(
+            stamp=stamp,
+            sensor=Pose2(x=0.0, y=0.0, yaw=0.0),
+            angle_min=-math.pi,
+            angle_step=math.pi / 180,
+            range_max=10.0,
+            ranges=ranges,
+        )
     )
-    return Observation(stamp, pose, stamp, pose, Twist2(linear=0.0, angular=0.0), scan)
+    state.take(LocalisedPose(stamp=stamp, pose=pose, covariance=np.eye(3), quality=8))
+    state.take(Odometry(stamp=stamp, pose=pose, twist=STANDSTILL, wheel_velocities=(0.0, 0.0)))
+    return state

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from importlib.resources import files
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -112,7 +114,7 @@ def test_an_unreachable_path_is_refused_as_a_whole() -> None:
     for method in (1, 2):
         answer = cell.ask("a", command="appendPath", priority=10, type="task", data=path, method=method, reference=1)
         assert answer["message"] == BAD
-        assert "way-point 1" in answer["text"]
+        assert "waypoint 1" in answer["text"]
     cell.advance(0.5)
     assert np.array_equal(cell.q, UR5E.home), "nothing has moved"
 
@@ -221,13 +223,37 @@ def test_a_torque_ends_in_a_stop_after_100_ms() -> None:
     cell.until_rest(0.5)
 
 
-def test_a_force_at_the_tool_becomes_joint_torques() -> None:
+def mujoco_jacobian(name: str, q: Array) -> Array:
+    """(6, n) of the flange in base axes, computed by MuJoCo from the arm's MJCF: independent of the controller."""
+    xml = (files("rackhand.worlds.arms") / f"{name}.xml").read_text(encoding="utf-8")
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    data.qpos[:] = q
+    mujoco.mj_forward(model, data)
+    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_jacSite(model, data, linear, angular, model.site("flange").id)
+    return np.vstack([linear, angular])
+
+
+@pytest.mark.parametrize("arm", [UR5E, FR3], ids=["ur5e", "fr3"])
+@pytest.mark.parametrize("wrench", [[0, 0, 5, 0, 0, 0], [1, -2, 0.5, 0, 0, 0], [0, 0, 0, 0.3, -0.2, 0.4]])
+def test_a_wrench_at_the_tool_becomes_joint_torques(arm: ik.Arm, wrench: list[float]) -> None:
+    cell = PerfectArm(arm)
+    cell.ok("a", command="setTorque", type="task", data=wrench, reference=1)
+    cell.advance(0.004)
+    assert cell.command is not None and cell.command.mode == "torque"
+    expected = mujoco_jacobian(arm.name, cell.q).T @ np.array(wrench)
+    assert np.abs(np.array(cell.command.values) - expected).max() < 1e-6
+    assert np.abs(expected).max() > 0.1
+
+
+def test_a_wrench_in_tool_axes_is_turned_into_the_base() -> None:
     cell = PerfectArm()
-    force = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
-    cell.ok("a", command="setTorque", type="task", data=force.tolist(), reference=1)
+    cell.ok("a", command="setTorque", type="task", data=[0, 0, 5, 0, 0, 0], reference=2)
     cell.advance(0.004)
     assert cell.command is not None
-    expected = cell.controller.motion.kinematics.jacobian(cell.q).T @ force
+    force = 5.0 * cell.tool()[:, 2]
+    expected = mujoco_jacobian("ur5e", cell.q)[:3].T @ force
     assert np.abs(np.array(cell.command.values) - expected).max() < 1e-6
 
 
@@ -417,7 +443,7 @@ def test_the_seed_of_inverse_kinematics_is_where_the_arm_stands() -> None:
     seed = {"Controller": {"UpdateJointsInitialPosition": UR5E.home.tolist()}}
     answer = cell.ask("a", command="setParameters", priority=10, data=seed)
     assert answer["message"]["code"] == CrfCode.NotImplemented
-    assert "begins where the arm stands" in answer["text"]
+    assert "starts from the present joint positions" in answer["text"]
 
 
 def test_a_sphere_is_not_entered() -> None:

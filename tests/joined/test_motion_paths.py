@@ -125,7 +125,7 @@ def test_a_path_beyond_reach_is_refused_as_a_whole_before_anything_moves(either:
     answer = station.ask("a", command="appendPath", priority=10, type="task", data=points, method=method, reference=1)
     print(answer["text"])
     assert answer["message"] == BAD
-    assert "way-point 2" in answer["text"] and "mm" in answer["text"]
+    assert "waypoint 2" in answer["text"] and "mm" in answer["text"]
     states = station.advance(0.5)
     assert np.ptp([s.q for s in states], axis=0).max() < 1e-6
     status = station.status()

@@ -6,11 +6,9 @@ from typing import Any
 
 import pytest
 
-from rackhand.services.planner.behaviors.navigator import ChassisNavigator
 from rackhand.services.planner.settings import NavigationSettings
-from tests.chassis_models import chassis_model
 from tests.planner.fakes import Cell
-from tests.planner.plant import BODY, Hall, Plant, Walker, box, idle
+from tests.planner.plant import Hall, Plant, Robot, Walker, box, idle
 
 
 @pytest.fixture
@@ -24,6 +22,7 @@ def make_cell(tmp_path: Path) -> Iterator[Callable[..., Cell]]:
     yield make
     for cell in cells:
         cell.database.close()
+        cell.executor.shutdown()
 
 
 @pytest.fixture
@@ -37,8 +36,8 @@ def small_hall() -> Hall:
 
 
 @pytest.fixture
-def begin() -> Callable[..., tuple[ChassisNavigator, Plant]]:
-    """A navigator and a plant that have known each other for 0.4 s."""
+def begin() -> Callable[..., tuple[Robot, Plant]]:
+    """A robot and its plant that have run for 0.4 s."""
 
     def make(
         hall: Hall | None = None,
@@ -47,14 +46,12 @@ def begin() -> Callable[..., tuple[ChassisNavigator, Plant]]:
         seed: int = 1,
         crates: tuple = (),
         walkers: tuple[Walker, ...] = (),
-    ) -> tuple[ChassisNavigator, Plant]:
-        navigator = ChassisNavigator(settings)
+    ) -> tuple[Robot, Plant]:
         plant = Plant(hall or small_hall(), pose, seed)
         plant.crates = list(crates)
         plant.walkers = list(walkers)
-        navigator.set_map(plant.hall.map())
-        navigator.set_model(chassis_model(BODY))
-        idle(navigator, plant, 0.4)
-        return navigator, plant
+        robot = Robot(plant, settings)
+        idle(robot, plant, 0.4)
+        return robot, plant
 
     return make

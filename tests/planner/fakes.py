@@ -1,10 +1,12 @@
-"""A chassis core with a scripted navigator and a store in a temporary file."""
+"""A chassis core with scripted behaviours and a store in a temporary file."""
 
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,102 +17,102 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS, Message, Pose2, Twist2
 from rackhand.schemas.chassis import (
     ChassisCommand,
-    ChassisModel,
     ChassisRequest,
     Contacts,
-    Costmap,
     Done,
     Jack,
     LocalisedPose,
     Odometry,
+    Scan,
 )
 from rackhand.schemas.maps import CreateMap, MapData, MapReply, MapRequest
 from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, Move, MoveCreate, MoveRequest, PlanningState
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import Clock
-from rackhand.services.planner.behaviors.interface import Progress
+from rackhand.services.planner.behaviors.base import Context, Drive, Status
+from rackhand.services.planner.behaviors.base import Done as Succeeded
+from rackhand.services.planner.behaviors.registry import BEHAVIORS
 from rackhand.services.planner.chassis import Chassis, ChassisSettings
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.map.store import MapStore
+from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.records import MoveStore
-from rackhand.services.planner.perception.chassis_state import Observation
-from rackhand.services.planner.planning.goals import Goal
-from tests.chassis_models import chassis_model
+from rackhand.services.planner.settings import NavigationSettings
+from tests.chassis_models import LIMITS, chassis_model
 
 STEP = 40_000_000
 UNIX_NS = 1_700_000_000 * NANOSECONDS
 FORWARD = Twist2(linear=0.5, angular=0.0)
 
 
-# ruff: noqa: ARG002
+@dataclass
+class Script:
+    """What a behaviour does in tests: drives forward for ever, or per tick what ``ticks`` say: drive, done, or raise.
 
+    A behaviour factory too: ``requests`` are the moves it was made for.
+    """
 
-class ScriptedNavigator:
-    """Drives forward for ever, or does what the script says: a ``Progress`` to return, an exception to raise."""
+    ticks: list[tuple[Drive | Succeeded, Status] | Exception] = field(default_factory=list)
+    requests: list[MoveCreate] = field(default_factory=list)
+    steps: int = 0
+    resumed: int = 0
+    _status: Status = field(default_factory=Status)
 
-    def __init__(self) -> None:
-        self.map: MapData | None = None
-        self.goal: Goal | None = None
-        self.goals: list[Goal] = []
-        self.ticks: list[Progress | Exception] = []
-        self.starts: list[Exception | None] = []
-        self.maps: list[Exception | None] = []
-        self.observed = 0
-        self.observing: Exception | None = None
-        self.model: ChassisModel | None = None
+    def __call__(self, request: MoveCreate) -> Script:
+        self.requests.append(request)
+        return self
 
-    def set_map(self, data: MapData | None) -> None:
-        if self.maps and (error := self.maps.pop(0)) is not None:
-            self.map = None
-            raise error
-        self.map = data
-
-    def set_model(self, model: ChassisModel) -> None:
-        self.model = model
-
-    def reset(self) -> None:
-        self.goal = None
-
-    def start(self, goal: Goal, seen: Observation) -> None:
-        self.goals.append(goal)
-        if self.starts and (error := self.starts.pop(0)) is not None:
-            raise error
-        self.goal = goal
-
-    def tick(self, seen: Observation) -> Progress:
-        assert self.goal is not None, "ticked without a goal"
+    def step(self, _ctx: Context) -> Drive | Succeeded:
+        self.steps += 1
         step = self.ticks.pop(0) if self.ticks else driving()
         if isinstance(step, Exception):
             raise step
-        return step
+        outcome, self._status = step
+        return outcome
 
-    def observe(self, seen: Observation) -> None:
-        if self.observing is not None:
-            raise self.observing
-        self.observed += 1
+    def resume(self, _ctx: Context) -> None:
+        self.resumed += 1
 
-    def costmap(self, stamp: int) -> Costmap | None:
-        return (
-            None
-            if self.map is None
-            else Costmap(stamp=stamp, origin=(0.0, 0.0), resolution=0.05, columns=2, cost=np.zeros(4, np.uint8))
-        )
-
-    def brake(self, seen: Observation) -> Twist2:
-        slower = max(0.0, abs(seen.twist.linear) - 0.08)
-        return Twist2(linear=slower if seen.twist.linear > 0 else -slower, angular=0.0)
-
-    def stop(self) -> None:
-        self.goal = None
+    def status(self) -> Status:
+        return self._status
 
 
-def driving(distance: float = 5.0, **more: Any) -> Progress:
+class SpyMotion(Motion):
+    """Remembers the map in use; ``maps`` are errors to raise in place of taking one."""
+
+    map: MapData | None = None
+    maps: tuple[Exception, ...] = ()
+
+    def set_map(self, data: MapData | None) -> None:
+        if self.maps:
+            error, *rest = self.maps
+            self.map, self.maps = None, tuple(rest)
+            raise error
+        super().set_map(data)
+        self.map = data
+
+
+def driving(distance: float = 5.0, **more: Any) -> tuple[Drive, Status]:
     path = np.array([[0.0, 0.0, 0.0], [distance, 0.0, 0.0]])
-    return replace(Progress(twist=FORWARD, remaining_distance=distance, path=path), **more)
+    return Drive(FORWARD), Status(**{"path": path, "remaining_distance": distance} | more)
 
 
-ARRIVED = Progress(twist=STANDSTILL, arrived=True)
+ARRIVED = (Succeeded(), Status())
+
+
+def free_scan(stamp: int) -> Scan:
+    """Nothing within 9 m."""
+    ranges = np.full(90, 9.0, dtype="<f4")
+    step = 2 * math.pi / len(ranges)
+    return Scan(
+        stamp=stamp,
+        sensor=Pose2(x=0.0, y=0.0, yaw=0.0),
+        angle_min=-math.pi,
+        angle_step=step,
+        range_max=25.0,
+        ranges=ranges,
+    )
 
 
 def png(mode: str = "L", size: tuple[int, int] = (8, 6)) -> bytes:
@@ -125,10 +127,11 @@ def a_map(name: str = "hall", **more: Any) -> CreateMap:
 
 @dataclass
 class Cell:
-    """A chassis whose driver does what it is told at once, ticked by hand."""
+    """A chassis whose driver follows each command at once, ticked by hand; ``standard`` moves are ``script``."""
 
     path: Path
     settings: ChassisSettings = field(default_factory=ChassisSettings)
+    behaviors: dict[str, Any] = field(default_factory=dict)
     with_map: bool = True
     stamp: int = 0
     run: str = "first"
@@ -136,18 +139,22 @@ class Cell:
     jack: Jack | None = None
     contacts: dict[str, bool] = field(default_factory=dict)
     pose_alive: bool = True
+    scan_alive: bool = True
     quality: int = 8
     told: list[tuple[Topic[Any], Message]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.navigator = ScriptedNavigator()
+        self.script = Script()
+        self.executor = ThreadPoolExecutor(1)
+        registry = BEHAVIORS | {"none": self.script, "standard": self.script} | self.behaviors
+        self.motion = SpyMotion(NavigationSettings(), self.executor, registry)
         self.database = Database(self.path, "amr1")
         self.moves = MoveStore(self.database)
         self.maps = MapStore(self.database)
         if self.with_map and self.maps.current is None:
             self.maps.use(self.maps.create(a_map(), 0))
-        self.chassis = Chassis(self.navigator, self.moves, self.maps, self.settings)
-        self.chassis.on_message(chassis_model())
+        self.chassis = Chassis(self.motion, self.moves, self.maps, self.settings)
+        self.chassis.on_message(chassis_model(limits=LIMITS.model_copy(update={"acceleration": 1000.0})))
         self.chassis.set_driver_fault("")
         self.sense()
 
@@ -160,6 +167,8 @@ class Cell:
             )
         if self.jack is not None:
             self.chassis.on_message(self.jack.model_copy(update={"stamp": self.stamp}))
+        if self.scan_alive:
+            self.chassis.on_message(free_scan(self.stamp))
         self.chassis.on_message(Contacts(stamp=self.stamp, **self.contacts))
         self.chassis.on_message(Odometry(stamp=self.stamp, pose=pose, twist=self.twist, wheel_velocities=(0.0, 0.0)))
         self.chassis.on_clock(self.clock())
@@ -180,7 +189,7 @@ class Cell:
         for _ in range(count):
             self.stamp += STEP
             self.sense()
-            command = self.chassis.tick()
+            command = self.chassis.tick(lockstep=True)
             self.twist = command.twist
             self.told += [(p.topic, p.message) for p in self.chassis.take_publications()]
         return command

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,12 +16,17 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from rackhand.schemas.base import Pose2, Twist2
-from rackhand.schemas.chassis import Scan
+from rackhand.schemas.chassis import LocalisedPose, Odometry, Scan
 from rackhand.schemas.maps import MapData
-from rackhand.services.planner.behaviors.interface import Progress
-from rackhand.services.planner.behaviors.navigator import ChassisNavigator
-from rackhand.services.planner.perception.chassis_state import Observation
+from rackhand.schemas.moves import MoveCreate
+from rackhand.services.planner.behaviors.base import Done, Drive
+from rackhand.services.planner.behaviors.registry import BEHAVIORS, Registry
+from rackhand.services.planner.motion import Motion
+from rackhand.services.planner.perception.chassis_state import ChassisState, Observation
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.goals import Goal
+from rackhand.services.planner.settings import NavigationSettings
+from tests.chassis_models import chassis_model
 
 Array = NDArray[np.float64]
 TICK = 40_000_000
@@ -28,6 +34,7 @@ SUBSTEP = 0.01
 BEAMS = 720
 BODY = np.array([(0.375, 0.23), (-0.375, 0.23), (-0.375, -0.23), (0.375, -0.23)])
 RESOLUTION = 0.05
+_EXECUTOR = ThreadPoolExecutor(1, thread_name_prefix="plan")
 
 
 def box(x: float, y: float, width: float, depth: float, yaw: float = 0.0) -> Array:
@@ -243,28 +250,128 @@ class Plant:
         self._touching = touching
 
 
-def run(navigator: ChassisNavigator, plant: Plant, goal: Goal, seconds: float) -> list[Progress]:
+@dataclass(frozen=True)
+class Told:
+    """One tick as clients see it."""
+
+    twist: Twist2
+    arrived: bool
+    remaining_distance: float
+    stuck_state: str
+    path: Array
+    replanned: bool
+    viewport_blocked: bool
+
+
+class Robot:
+    """The planner's core below requests and modes, in lockstep with a plant: ``tick`` measures and commands."""
+
+    def __init__(
+        self, plant: Plant, settings: NavigationSettings | None = None, registry: Registry = BEHAVIORS
+    ) -> None:
+        self.plant = plant
+        self.state = ChassisState()
+        self.state.take(chassis_model(BODY))
+        self.motion = Motion(settings or NavigationSettings(), _EXECUTOR, registry)
+        self.motion.plans.lockstep = True
+        self.motion.set_model(self.state.model)
+        self.motion.set_map(plant.hall.map())
+        self._plans = 0
+
+    @property
+    def costmap(self) -> LocalCostmap:
+        assert self.motion.perception.costmap is not None
+        return self.motion.perception.costmap
+
+    def restart(self, plant: Plant) -> None:
+        """Another run of the driver, in another plant."""
+        self.plant = plant
+        self.state.forget()
+        self.motion.reset()
+
+    def start(self, goal: Goal) -> None:
+        """Take a move to a goal; the next ``tick`` begins it."""
+        self.begin(
+            MoveCreate(
+                type="standard",
+                target_x=goal.x,
+                target_y=goal.y,
+                target_ori=goal.yaw,
+                target_accuracy=goal.accuracy,
+                use_target_zone=goal.zone,
+                properties={"inplace_rotate": goal.rotate_in_place},
+            )
+        )
+
+    def begin(self, request: MoveCreate) -> None:
+        self.motion.begin(request)
+        self._plans = 0
+
+    def tick(self) -> Told:
+        """One tick of the running move; the plant does not move. Raises ``MoveFailed``."""
+        self._measure()
+        move, outcome = self.motion.move, None
+        assert move is not None, "tick without a move"
+        if (trouble := self.state.pose_trouble()) is not None:
+            move.wait(trouble, self.plant.stamp)
+        else:
+            outcome = self.motion.step(self.state)
+        twist = self._command(outcome if isinstance(outcome, Drive) else None)
+        status = move.status()
+        before, self._plans = self._plans, status.plans
+        return Told(
+            twist, isinstance(outcome, Done), status.remaining_distance, status.stuck_state, status.path,
+            status.plans > max(before, 1), status.viewport_blocked,
+        )  # fmt: skip
+
+    def hold(self) -> Twist2:
+        """A tick in which the move is held, as by an emergency stop."""
+        assert self.motion.move is not None
+        self.motion.move.hold("held")
+        return self.brake()
+
+    def brake(self) -> Twist2:
+        """A tick without a move, or with one that is held."""
+        self._measure()
+        return self._command(None)
+
+    def want(self, twist: Twist2) -> Twist2:
+        """A tick that wants a twist without a move, as remote driving does."""
+        self._measure()
+        return self._command(Drive(twist))
+
+    def _measure(self) -> None:
+        seen = self.plant.observe()
+        pose = LocalisedPose(stamp=seen.pose_stamp, pose=seen.pose, covariance=np.eye(3) * 1e-4, quality=8)
+        odometry = Odometry(stamp=seen.stamp, pose=seen.odometry, twist=seen.twist, wheel_velocities=(0.0, 0.0))
+        for message in (pose, seen.scan, odometry):
+            if message is not None:
+                self.state.take(message)
+        self.motion.perceive(self.state)
+
+    def _command(self, wanted: Drive | None) -> Twist2:
+        return self.motion.command(wanted, self.state, self.motion.settings.control)
+
+
+def run(robot: Robot, plant: Plant, goal: Goal, seconds: float) -> list[Told]:
     """Drive to a goal; returns what was told at each tick. Raises ``MoveFailed``, or ``TimeoutError``."""
-    navigator.start(goal, plant.observe())
-    return keep_on(navigator, plant, seconds)
+    robot.start(goal)
+    return keep_on(robot, plant, seconds)
 
 
-def keep_on(navigator: ChassisNavigator, plant: Plant, seconds: float) -> list[Progress]:
+def keep_on(robot: Robot, plant: Plant, seconds: float) -> list[Told]:
     end = plant.stamp + int(seconds * 1e9)
     told = []
     while plant.stamp < end:
-        progress = navigator.tick(plant.observe())
-        told.append(progress)
-        plant.drive(progress.twist)
-        if progress.arrived:
-            navigator.stop()
+        told.append(robot.tick())
+        plant.drive(told[-1].twist)
+        if told[-1].arrived:
+            robot.motion.end()
             return told
     raise TimeoutError(f"not there after {seconds} s, at {plant.pose}")
 
 
-def idle(navigator: ChassisNavigator, plant: Plant, seconds: float) -> None:
+def idle(robot: Robot, plant: Plant, seconds: float) -> None:
     end = plant.stamp + int(seconds * 1e9)
     while plant.stamp < end:
-        seen = plant.observe()
-        navigator.observe(seen)
-        plant.drive(navigator.brake(seen))
+        plant.drive(robot.brake())

@@ -17,9 +17,7 @@ from rackhand.schemas.chassis import (
     SetEmergencyStop,
     SetPose,
 )
-from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.refusal import RequestRefused
-from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import TIME_LIMIT_NS
 from tests.planner.fakes import FORWARD, STEP, Cell
@@ -44,10 +42,12 @@ def test_an_emergency_stop_holds_the_move_until_it_is_released(cell: Cell, butto
     assert cell.tick(20_000 // 40).twist == STANDSTILL
     assert cell.get(move.id).state == "moving"
     assert cell.heard(topics.CHASSIS_STATUS)[-1].emergency_stop is True
-    assert cell.navigator.observed > 400, "it goes on looking"
+    assert len(cell.heard(topics.COSTMAP)) >= 20, "it goes on perceiving"
+    assert cell.planning().message == "the emergency stop is on"
     stop(False)
     assert cell.tick().twist == FORWARD
-    assert len(cell.navigator.goals) == 2, "the route starts from where the robot then is"
+    assert (len(cell.script.requests), cell.script.resumed) == (1, 1), "the same behaviour goes on"
+    assert cell.planning().message == ""
     assert cell.events() == ["created"]
 
 
@@ -68,21 +68,9 @@ def test_a_move_asked_for_in_an_emergency_stop_waits_for_the_release(cell: Cell)
     cell.ask(SetEmergencyStop(enable=True))
     move = cell.create()
     cell.tick(50)
-    assert (cell.get(move.id).state, cell.navigator.goals) == ("moving", [])
+    assert (cell.get(move.id).state, cell.script.steps) == ("moving", 0)
     cell.ask(SetEmergencyStop(enable=False))
     assert cell.tick().twist == FORWARD
-
-
-def test_a_robot_stopped_on_its_goal_has_arrived(cell: Cell) -> None:
-    there = MoveFailed(MoveFailReason.STARTING_EQUAL_ENDING, "it is there")
-    cell.navigator.starts = [None, there]
-    move = cell.create()
-    cell.tick()
-    cell.ask(SetEmergencyStop(enable=True))
-    cell.tick(20)
-    cell.ask(SetEmergencyStop(enable=False))
-    assert cell.tick().twist == STANDSTILL
-    assert cell.get(move.id).state == "succeeded"
 
 
 @pytest.mark.parametrize("mode", ["manual", "remote"])
@@ -90,18 +78,23 @@ def test_leaving_auto_cancels_the_move(cell: Cell, mode: str) -> None:
     move = cell.create()
     cell.tick()
     cell.ask(SetControlMode(control_mode=mode))
-    assert cell.get(move.id).state == "cancelled"
+    text = f"the control mode was set to {mode}; moves run in auto"
+    assert (cell.get(move.id).state, cell.get(move.id).fail_message) == ("cancelled", text)
+    assert (cell.planning().move_state, cell.planning().message) == ("cancelled", text)
     assert cell.tick(20).twist == STANDSTILL
     assert cell.heard(topics.CHASSIS_STATUS)[-1].control_mode == mode
 
 
-def test_outside_auto_a_move_is_accepted_and_cancelled(cell: Cell) -> None:
-    cell.ask(SetControlMode(control_mode="manual"))
+@pytest.mark.parametrize("mode", ["manual", "remote"])
+def test_outside_auto_a_move_is_accepted_and_cancelled_with_the_reason(cell: Cell, mode: str) -> None:
+    cell.ask(SetControlMode(control_mode=mode))
     move = cell.create()
     assert move.state == "moving"
     assert cell.tick().twist == STANDSTILL
-    assert (cell.get(move.id).state, cell.get(move.id).fail_reason) == ("cancelled", 0)
-    assert cell.heard(topics.MOVE_EVENT)[-1].text == "moves run in control mode auto, not manual"
+    text = f"moves run in control mode auto, not {mode}"
+    ended = cell.get(move.id)
+    assert (ended.state, ended.fail_reason, ended.fail_message) == ("cancelled", 0, text)
+    assert cell.planning().message == cell.heard(topics.MOVE_EVENT)[-1].text == text
 
 
 def test_remote_driving_is_limited_and_dies(cell: Cell) -> None:
@@ -110,7 +103,7 @@ def test_remote_driving_is_limited_and_dies(cell: Cell) -> None:
     commands = [cell.tick().twist for _ in range(12)]  # 480 ms
     assert commands[0].linear == pytest.approx(0.5 * 0.04)
     assert [c.linear for c in commands] == sorted(c.linear for c in commands)
-    assert min(c.angular for c in commands) == pytest.approx(-0.96)
+    assert min(c.angular for c in commands) == pytest.approx(-12 * 1.5 * 0.04), "the tighter of both limits"
     after = [cell.tick().twist for _ in range(12)]
     assert after[0].linear < commands[-1].linear
     assert after[-1] == STANDSTILL
@@ -227,4 +220,3 @@ def test_a_pose_is_a_hint_the_localiser_does_not_need(cell: Cell) -> None:
 def test_standing_still_is_commanded_too(cell: Cell) -> None:
     command = cell.tick()
     assert (command.twist, command.answers, command.jack) == (STANDSTILL, cell.stamp, "hold")
-    assert cell.navigator.observed == 1

@@ -16,7 +16,7 @@ from rackhand.schemas.moves import CreateMove, GetMove, MoveCreate, MoveRequest
 from rackhand.schemas.service import ServiceId
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.service import PlannerService
-from tests.planner.fakes import FORWARD, Cell
+from tests.planner.fakes import FORWARD, Cell, free_scan
 from tests.runtime.list_bus import Asked, ListBus
 
 DRIVER = ServiceId("driver", "amr1")
@@ -69,7 +69,12 @@ def clock(cell: Cell, milliseconds: int, run: str = "first", **more: Any) -> Sam
 
 
 def instant(cell: Cell, milliseconds: int, run: str = "first") -> list[Any]:
-    return [pose(milliseconds), odometry(milliseconds), clock(cell, milliseconds, run)]
+    return [
+        pose(milliseconds),
+        sample(topics.SCAN, free_scan(milliseconds * MS)),
+        odometry(milliseconds),
+        clock(cell, milliseconds, run),
+    ]
 
 
 def create(**fields: Any) -> Asked:
@@ -134,7 +139,7 @@ def test_an_error_in_a_request_is_answered_and_the_next_one_works(
 
 
 def test_an_error_in_a_tick_fails_the_move_and_the_answers_go_on(bus: ListBus, cell: Cell) -> None:
-    cell.navigator.ticks = [ZeroDivisionError("by zero")]
+    cell.script.ticks = [ZeroDivisionError("by zero")]
     first, second = create(), create()
     run(bus, cell, [Presence(DRIVER, True)], instant(cell, 0), [first], instant(cell, 40), [second], instant(cell, 80))
     assert [command.twist for command in bus.published(topics.COMMAND)] == [STANDSTILL, STANDSTILL, FORWARD]
@@ -142,8 +147,8 @@ def test_an_error_in_a_tick_fails_the_move_and_the_answers_go_on(bus: ListBus, c
 
 
 def test_a_simulator_is_joined_once_the_footprint_is_known(bus: ListBus, cell: Cell) -> None:
-    model = sample(topics.CHASSIS_MODEL, cell.chassis._sensed.model)  # type: ignore[arg-type]
-    cell.chassis._sensed.model = None
+    model = sample(topics.CHASSIS_MODEL, cell.chassis._state.model)  # type: ignore[arg-type]
+    cell.chassis._state.model = None
     run(bus, cell, [Presence(ServiceId("gateway", "cell"), True)], [Presence(SIM, True)], instant(cell, 0))
     assert bus.calls == []
     run(bus, cell, [Presence(SIM, True)], [model], instant(cell, 0), instant(cell, 40), instant(cell, 0, "second"))

@@ -12,8 +12,9 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 import rackhand.services.planner as planner
 from rackhand.services.planner.planning.goals import Goal
-from rackhand.services.planner.behaviors.navigator import ChassisNavigator
-from tests.planner.plant import Hall, Plant, Walker, box, run
+from rackhand.services.planner.settings import NavigationSettings
+from rackhand.services.planner.warm_up import warm_up
+from tests.planner.plant import Hall, Plant, Robot, Walker, box, run
 
 def compiled():
     found = pkgutil.walk_packages(planner.__path__, planner.__name__ + ".")
@@ -22,15 +23,13 @@ def compiled():
     found = {id(f): f for m in modules for f in vars(m).values() if isinstance(f, Dispatcher)}
     return {(f.py_func.__qualname__, s) for f in found.values() for s in f.signatures}
 
-navigator = ChassisNavigator()
-navigator.warm_up()
+warm_up(NavigationSettings())
 before = compiled()
 hall = Hall(12, 6, [box(6.0, 3.0, 0.5, 3.4)])
 plant = Plant(hall, (1.5, 1.5, 0.0), seed=1)
 plant.crates = (box(3.5, 1.4, 0.4, 0.4),)
 plant.walkers = (Walker(np.array([(10.0, 1.2), (4.0, 1.2)]), 1.0, polite=True),)
-navigator.set_map(hall.map())
-run(navigator, plant, Goal(10.5, 4.5, 1.5), 90)
+run(Robot(plant), plant, Goal(10.5, 4.5, 1.5), 90)
 late = sorted(name for name, _ in compiled() - before)
 assert len(before) > 10, before
 print("late:", late)

@@ -7,8 +7,8 @@ A pure state machine: an input and a monotonic time go in, the decision and ever
 * Every grant and every loss counts the lease up, so that a token of the past is recognisable (``FencingGuard``).
 * A holder whose keep-alive expires loses control, and its motion ends as declared. The motion of a former holder is
   stopped and cleared before another client's first command.
-* Stops are taken from anyone. One from somebody else than the holder latches: nothing moves until the holder or a
-  higher priority resumes, or the stopper itself moves the arm.
+* Stops are accepted from any client. A stop by another client than the holder latches: nothing moves until the holder
+  or a higher priority resumes, or the client that stopped moves the arm itself.
 * A new ``Access`` is a restart: new epoch, no holder.
 """
 
@@ -77,12 +77,12 @@ class Access:
 
     @property
     def token(self) -> FencingToken:
-        """The current token: of the holder, or of nobody when there is none. Older ones are void."""
+        """The current token: of the holder, or a token of no client when there is none. Older ones are void."""
         return self._record.token
 
     @property
     def priority_under_control(self) -> int:
-        """The holder's number; 0, nobody."""
+        """The holder's number; 0 if there is no holder."""
         return self._holder.priority if self._holder else 0
 
     @property
@@ -250,7 +250,7 @@ class Access:
         by_client, by_priority = (by.client, by.priority) if by else (None, None)
         self._record.event("controlLost", held.client, held, by=by_client, by_priority=by_priority, reason=reason)
         self._holder = None
-        # A command of the lost lease must be older than the token of "nobody".
+        # A command of the lost lease must be older than the token without holder.
         self._record.next_lease()
         if effect == "softStop":
             self._stop_motion("softStop", clear=True, reason=f"{held.client} lost control: {reason}")

@@ -1,4 +1,4 @@
-"""Who may control the arm: pure rules. Each returns the refusal, or ``None`` where nothing speaks against it."""
+"""Who may control the arm: pure rules. Each returns the refusal, or ``None`` if there is no objection."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ class StreamSample:
 class StreamGuard:
     """Keeps a reference alive for at most ``deadman_ns`` after its last refresh, and refuses late and replayed samples.
 
-    A sample may ask for less time, never for more. Sequence and stamp grow within a lease and start anew with the
+    A sample may ask for less time, never for more. Sequence and stamp grow within a lease and start again with the
     next. A stop is a barrier: samples that answer a state from before it are late.
     """
 
@@ -43,7 +43,7 @@ class StreamGuard:
         return self._deadline is not None
 
     def offer(self, sample: StreamSample, now: int) -> Decision:
-        """Takes a sample, or says why it is stale (412). A refused sample refreshes nothing."""
+        """Accepts a sample, or refuses it as stale (412). A refused sample refreshes nothing."""
         if sample.token != self._token:
             self._token, self._sequence, self._stamp = sample.token, None, None
         late = self._lateness(sample, now)
@@ -56,7 +56,7 @@ class StreamGuard:
         return Decision(True)
 
     def expired(self, now: int) -> bool:
-        """True once when the reference dies: it is zero from here on."""
+        """True once when the reference expires: it is zero from here on."""
         if self._deadline is None or now < self._deadline:
             return False
         self._deadline = None

@@ -42,7 +42,7 @@ class ArmLimits:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A sphere that stands for a part of a link: fixed in the frame of joint number `joint` (-1 is the base)."""
+    """A sphere that stands for a part of a link: fixed in the frame of joint number ``joint`` (-1 is the base)."""
 
     name: str
     joint: int
@@ -54,7 +54,7 @@ class Sphere:
 class Arm:
     """A serial arm of n revolute joints.
 
-    `model` is pinocchio's (for dynamics), its universe is the base frame. `placements` (n+1, 3, 4) is the same
+    ``model`` is pinocchio's (for dynamics), its universe is the base frame. ``placements`` (n+1, 3, 4) is the same
     kinematics as the kernels read it: pose of each joint in the one before, turned so that every axis is z, and of
     the tool in the last.
     """
@@ -75,11 +75,11 @@ class Arm:
 
 
 def load_arm(name: str, compiled: mujoco.MjModel | None = None, prefix: str = "", tool: str | None = None) -> Arm:
-    """The arm `name` of the worlds folders (`arms/<name>.yaml` and `arms/<name>.xml`).
+    """The arm ``name`` of the worlds folders (``arms/<name>.yaml`` and ``arms/<name>.xml``).
 
-    With `compiled`, kinematics and inertias are read from that model (a cell, where the arm's names carry `prefix`
-    and a gripper may hang on the flange) instead of from the arm's own MJCF. `tool` is the site or body to command
-    (the flange). Raises `ArmError`.
+    With ``compiled``, kinematics and inertias are read from that model (a cell, where the arm's names carry ``prefix``
+    and a gripper may hang on the flange) instead of from the arm's own MJCF. ``tool`` is the site or body to command
+    (the flange). Raises ``ArmError``.
     """
     try:
         description, mjcf = load_arm_description(name), arm_mjcf(name)
@@ -93,7 +93,7 @@ def load_arm(name: str, compiled: mujoco.MjModel | None = None, prefix: str = ""
 
 
 def build_arm(name: str, compiled: mujoco.MjModel, description: ArmDescription, prefix: str = "") -> Arm:
-    """The arm in a compiled model, `description` giving what an MJCF cannot say."""
+    """The arm in a compiled model, ``description`` giving what an MJCF cannot say."""
     model = from_mujoco(compiled, prefix + description.base)
     tool = model.getFrameId(prefix + description.tool)
     if tool >= model.nframes:
@@ -123,7 +123,7 @@ def build_arm(name: str, compiled: mujoco.MjModel, description: ArmDescription, 
 
 
 def from_mujoco(compiled: mujoco.MjModel, base: str) -> pin.Model:
-    """Pinocchio's model of the bodies below `base` of a compiled MuJoCo model, in the frame of `base`.
+    """Pinocchio's model of the bodies below ``base`` of a compiled MuJoCo model, in the frame of ``base``.
 
     Hinges and slides become joints of the same names, bodies and sites frames; inertias, rotor inertias, joint ranges
     and force limits are taken over. Frames, Jacobians, bias forces and mass matrix equal MuJoCo's to rounding.
@@ -178,7 +178,7 @@ def _add_joint(model: pin.Model, compiled: mujoco.MjModel, joint: int, parent: i
 
 
 def _chain(model: pin.Model, tool: int) -> tuple[Array, list[Array]]:
-    """Placements as `Arm` has them, and for each joint the rotation that turns its axis to z (`turns[0]`: the base)."""
+    """Placements as ``Arm`` has them, and per joint the rotation that turns its axis to z (``turns[0]``: the base)."""
     parents, kinds = list(model.parents)[1:], [model.joints[j].shortname() for j in range(1, model.njoints)]
     if parents != list(range(model.nv)) or any("Revolute" not in kind for kind in kinds) or model.nv == 0:
         raise ArmError(f"{model.name}: a serial chain of revolute joints was expected, found {kinds} on {parents}")

@@ -1,6 +1,6 @@
 """Spheres on the links against each other and against spheres of the workspace, as rows of the QP.
 
-Each row bounds how fast one gap closes: rows·v ≤ bounds. Rows are linear, gaps are not: `stop_is_clear` is the guard.
+Each row bounds how fast one gap closes: rows·v ≤ bounds. Rows are linear, gaps are not: ``stop_is_clear`` is the guard.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ RESERVE = 2e-3  # [m] short of contact at which rows stop a closing gap, so that
 
 @dataclass(frozen=True)
 class Zone:
-    """A sphere of the workspace in the base frame [m]: the arm stays out of it, or the spheres named in `links` stay
+    """A sphere of the workspace in the base frame [m]: the arm stays out of it, or the spheres named in ``links`` stay
     in it."""
 
     center: tuple[float, float, float]
@@ -38,7 +38,7 @@ class Zone:
 
 
 def build_table(arm: Arm, zones: Sequence[Zone], self_collision: bool, margin: float) -> Array:
-    """The table (m, 10) of `collision_rows`: one row a pair of spheres, gaps counted from `margin` [m]."""
+    """The table (m, 10) of ``collision_rows``: one row a pair of spheres, gaps counted from ``margin`` [m]."""
     rows = []
     if self_collision:
         for a, b in arm.self_collision:
@@ -62,7 +62,7 @@ def build_table(arm: Arm, zones: Sequence[Zone], self_collision: bool, margin: f
 
 @compiled
 def place(frames: Array, joint: int, center: Array) -> Point:
-    """Position in the base frame of a point given in the frame of `joint` (-1: the base)."""
+    """Position in the base frame of a point given in the frame of ``joint`` (-1: the base)."""
     if joint < 0:
         return center[0], center[1], center[2]
     f = frames[joint]
@@ -75,7 +75,7 @@ def place(frames: Array, joint: int, center: Array) -> Point:
 
 @compiled
 def add_derivative(frames: Array, joint: int, point: Point, x: float, y: float, z: float, row: Array) -> None:
-    """Add to `row` (n,) the derivative by q of (x, y, z)·(a point fixed to `joint`, now at `point` in the base
+    """Add to ``row`` (n,) the derivative by q of (x, y, z)·(a point fixed to ``joint``, now at ``point`` in the base
     frame)."""
     for k in range(joint + 1):
         f = frames[k]
@@ -86,7 +86,7 @@ def add_derivative(frames: Array, joint: int, point: Point, x: float, y: float, 
 
 @compiled
 def gap(pair: Array, frames: Array, row: Array) -> float:
-    """The gap [m] of one row of the table, and its derivative by q in `row` (n,)."""
+    """The gap [m] of one row of the table, and its derivative by q in ``row`` (n,)."""
     joint_a, joint_b, sense = int(pair[JOINT_A]), int(pair[JOINT_B]), pair[SENSE]
     a = place(frames, joint_a, pair[CENTER_A : CENTER_A + 3])
     b = place(frames, joint_b, pair[CENTER_B : CENTER_B + 3])
@@ -106,9 +106,10 @@ def gap(pair: Array, frames: Array, row: Array) -> float:
 def collision_rows(
     table: Array, acceleration: Array, dt: float, frames: Array, rows: Array, bounds: Array, gaps: Array
 ) -> None:
-    """Fill `rows` (m, n) and `bounds` (m,) of rows·v ≤ bounds: no gap closes faster than can be braked; and `gaps`.
+    """Fill ``rows`` (m, n) and ``bounds`` (m,) of rows·v ≤ bounds, so that no gap closes faster than can be braked; and
+    ``gaps`` (m,) [m].
 
-    The bound is the joints' own (`kernels.position_box`), with a quarter of the deceleration that all joints together
+    The bound is the joints' own (``kernels.position_box``), with a quarter of the deceleration that all joints together
     have along the row: the rest is for rows that bind together and for the curvature of the gap."""
     for r in range(table.shape[0]):
         gaps[r] = gap(table[r], frames, rows[r])
@@ -128,8 +129,8 @@ def stop_is_clear(
 ) -> bool:
     """Whether the arm, moving with v for one tick and then braking all it can, keeps every gap open.
 
-    A gap that is closed already, in `gaps` (m,), may not get smaller. Looks every third tick of the braking and at its
-    end. What braking next tick would do is the rest of the same way: so there always is a clear way to stop."""
+    A gap that is closed already, in ``gaps`` (m,), may not get smaller. Checks every third tick of the braking and its
+    end. Braking from the next tick on follows the rest of the same trajectory, so a clear stop always exists."""
     n = q.shape[0]
     travel = 0.0
     for i in range(n):

@@ -1,4 +1,4 @@
-"""Objective functions: what the arm prefers where the task leaves it a choice. CRF's names and parameters.
+"""Objective functions: what the arm does with the freedom that the task leaves. CRF's names and parameters.
 
 Each is a cost over q, and asks for the joint velocity -∂cost/∂q [rad/s]. All can be switched, blended in and tuned
 while the arm moves: the sum is limited in speed, and the tick limits acceleration.
@@ -16,16 +16,16 @@ import numpy as np
 from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik.arm import Arm
 from rackhand.services.controller.ik.collision import add_derivative, place
-from rackhand.services.controller.ik.kernels import draw, forward, jacobian
+from rackhand.services.controller.ik.kernels import forward, jacobian, posture_velocity
 
 
 class ObjectiveError(ValueError):
-    """A parameter that cannot be: says which, of what, and what was expected."""
+    """A parameter that is not valid: the text says which, of what, and what was expected."""
 
 
 @dataclass
 class DesiredJointPositions:
-    """Draws towards a posture; NaN leaves a joint free. c [1/s]."""
+    """Moves towards a posture; NaN leaves a joint free. c [1/s]."""
 
     arm: Arm
     c: float = 1.0
@@ -36,17 +36,17 @@ class DesiredJointPositions:
             self.attraction = np.full(self.arm.n, np.nan)
 
     def cost(self, q: Array) -> float:
-        """½ c |q - attraction|² over the joints that are drawn."""
+        """½ c |q - attraction|² over the joints that have an attraction."""
         return 0.5 * self.c * float(np.nansum((q - self.attraction) ** 2))
 
     def velocity(self, q: Array) -> Array:
         """-∂cost/∂q."""
-        velocity: Array = draw(q, self.attraction, self.c)
+        velocity: Array = posture_velocity(q, self.attraction, self.c)
         return velocity
 
 
 @dataclass
-class JointLimits:
+class JointLimitAvoidance:
     """Keeps clear of the position limits: p (e^{-c(q-lower)} + e^{c(q-upper)}). c [1/rad], p [rad²/s]."""
 
     arm: Arm
@@ -70,7 +70,7 @@ class JointLimits:
 
 
 @dataclass
-class Manipulability:
+class ManipulabilityAscent:
     """Climbs √det(J Jᵀ) (Yoshikawa 1985), away from singularities. c [rad²/s for each unit of it]."""
 
     arm: Arm
@@ -104,7 +104,7 @@ class Manipulability:
 
 @dataclass
 class CollisionAvoidanceSphere:
-    """Pushes the links away from a sphere (base frame) once they are nearer than `range`. c [1/s per m of gap], all
+    """Pushes the links away from a sphere (base frame) once they are nearer than ``range``. c [1/s per m of gap], all
     m."""
 
     arm: Arm
@@ -125,7 +125,7 @@ class CollisionAvoidanceSphere:
         return total
 
     def _depths(self, q: Array) -> list[tuple[float, Array]]:
-        """For each sphere nearer than `range`: by how much [m], and the derivative of its distance by q."""
+        """For each sphere nearer than ``range``: by how much [m], and the derivative of its distance by q."""
         frames = np.empty((self.arm.n + 1, 3, 4))
         forward(self.arm.placements, q, frames)
         found = []
@@ -142,8 +142,14 @@ class CollisionAvoidanceSphere:
         return found
 
 
-Objective = DesiredJointPositions | JointLimits | Manipulability | CollisionAvoidanceSphere
-KINDS = (DesiredJointPositions, JointLimits, Manipulability, CollisionAvoidanceSphere)
+Objective = DesiredJointPositions | JointLimitAvoidance | ManipulabilityAscent | CollisionAvoidanceSphere
+KINDS: dict[str, type[Objective]] = {
+    "DesiredJointPositions": DesiredJointPositions,
+    "JointLimits": JointLimitAvoidance,
+    "Manipulability": ManipulabilityAscent,
+    "CollisionAvoidanceSphere": CollisionAvoidanceSphere,
+}
+"""By their names in CRF."""
 
 
 @dataclass
@@ -159,16 +165,16 @@ class _Entry:
 
 
 class Objectives:
-    """The objective functions of one arm, each disabled at first, each blended in and out over `blend_time` [s]."""
+    """The objective functions of one arm, each disabled at first, each blended in and out over ``blend_time`` [s]."""
 
     def __init__(self, arm: Arm, blend_time: float = 1.0) -> None:
         self.blend_time = blend_time
-        self._entries = {kind.__name__: _Entry(kind(arm)) for kind in KINDS}
-        self._heard: list[_Entry] = []  # those that have a say
-        self._blending = False  # some phase is on its way
+        self._entries = {name: _Entry(kind(arm)) for name, kind in KINDS.items()}
+        self._active: list[_Entry] = []  # those whose share is not 0
+        self._blending = False  # some share is changing
 
     def configure(self, name: str, parameters: Mapping[str, Any]) -> None:
-        """Set parameters (the fields of the objective, and `enable`) of one function, all or none.
+        """Set parameters (the fields of the objective, and ``enable``) of one function, all or none.
 
         Raises ObjectiveError for an unknown name or parameter, or a value of the wrong shape or not finite."""
         if name not in self._entries:
@@ -194,23 +200,23 @@ class Objectives:
         return {name: entry.share for name, entry in self._entries.items()}
 
     def advance(self, dt: float) -> bool:
-        """Let `dt` [s] pass for the blends; whether any function has a say."""
+        """Let ``dt`` [s] pass for the blends; whether any function is active."""
         if self._blending:
             change = dt / self.blend_time if self.blend_time > 0.0 else 1.0
             for entry in self._entries.values():
                 entry.phase = min(1.0, max(0.0, entry.phase + (change if entry.enabled else -change)))
-            self._heard = [entry for entry in self._entries.values() if entry.phase > 0.0]
+            self._active = [entry for entry in self._entries.values() if entry.phase > 0.0]
             self._blending = any(entry.phase != entry.enabled for entry in self._entries.values())
-        return bool(self._heard)
+        return bool(self._active)
 
     def velocity(self, q: Array) -> Array:
-        """The joint velocity (n,) [rad/s] that all together ask for."""
+        """The sum (n,) [rad/s] of the active functions' velocities."""
         total: Array | None = None
-        for entry in self._heard:
-            wish = entry.objective.velocity(q)
+        for entry in self._active:
+            part = entry.objective.velocity(q)
             if entry.phase < 1.0:
-                wish = entry.share * wish
-            total = wish if total is None else total + wish
+                part = entry.share * part
+            total = part if total is None else total + part
         return np.zeros(len(q)) if total is None else total
 
 

@@ -16,7 +16,7 @@ from rackhand.services.controller.ik.servo import forward, limit_table
 class PoseSolution:
     """Joint positions, whether they meet the tolerance, and what they miss it by."""
 
-    q: Array  # (n,), within the limits; the nearest found if `reached` is false
+    q: Array  # (n,), within the limits; the nearest found if ``reached`` is false
     reached: bool
     linear_error: float  # [m]
     angular_error: float  # [rad]
@@ -35,10 +35,10 @@ def solve_pose(
     iterations: int = 100,
     seed: int = 0,
 ) -> PoseSolution:
-    """Joint positions with the tool at `target` (3, 4), sought from `q0` (n,), then from random starts.
+    """Joint positions with the tool at ``target`` (3, 4), sought from ``q0`` (n,), then from random starts.
 
     Each restart takes, of a growing number of random postures, the one with the tool nearest the target. The same
-    seed gives the same answer. With `restarts=0` the solution is the one that `q0` leads to, as following a path
+    seed gives the same answer. With ``restarts=0`` the solution is the one that ``q0`` leads to, as following a path
     needs it.
 
     Raises ValueError if target or q0 is not finite or of the wrong shape.
@@ -46,7 +46,7 @@ def solve_pose(
     target, q0 = np.ascontiguousarray(target, float), np.asarray(q0, float)
     if target.shape != (3, 4) or q0.shape != (arm.n,) or not (np.all(np.isfinite(target)) and np.all(np.isfinite(q0))):
         raise ValueError(f"a finite (3, 4) target and ({arm.n},) start were expected, got {target.shape}, {q0.shape}")
-    table, weights = limit_table(arm), np.ones(6)
+    limits, weights = limit_table(arm), np.ones(6)
     tolerance = np.array([linear_tolerance, angular_tolerance])
     random, error = np.random.default_rng(seed), np.empty(6)
     best, least, total, tried = q0, np.inf, 0, 0
@@ -55,7 +55,7 @@ def solve_pose(
         if tried:
             postures = random.uniform(arm.limits.lower, arm.limits.upper, (64 << min(tried, 5), arm.n))
             start = postures[k.nearest(arm.placements, weights, postures, target)].copy()
-        reached, steps = k.search(arm.placements, table, weights, start, target, tolerance, iterations)
+        reached, steps = k.search(arm.placements, limits, weights, start, target, tolerance, iterations)
         total += steps
         squared = k.pose_error(forward(arm, start), target, weights, error)
         if reached or squared < least:

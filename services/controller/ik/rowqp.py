@@ -43,7 +43,7 @@ class RowSolver:
     ) -> tuple[Array, bool]:
         """The solution, and whether it is proven optimal.
 
-        `safe` (n,) is a point that holds every constraint; what OSQP leaves of violation is taken out by going
+        ``safe`` (n,) is a point that holds every constraint; what OSQP leaves of violation is taken out by going
         towards it, so the answer always holds them all."""
         unit, n = self.unit, len(self.unit)
         self._values[:, 1:] = (rows * unit).T
@@ -99,7 +99,7 @@ def _polish(
 
 
 def _hold(x: Array, rows: Array, bounds: Array, safe: Array) -> Array:
-    """The last point on the way from `safe` to `x` that holds all rows."""
+    """The last point on the way from ``safe`` to ``x`` that holds all rows."""
     start, end = rows @ safe, rows @ x
     over = end > bounds
     if not over.any():

@@ -1,6 +1,6 @@
-"""Differential inverse kinematics: one joint velocity a tick, by one QP, within every limit, whatever is asked.
+"""Differential inverse kinematics: one joint velocity a tick, by one QP, within every limit for any input.
 
-    minimise    ½ |J v - w|²_W + ½ μ |v - g|²          w: the task, g: what the objective functions ask for
+    minimise    ½ |J v - w|²_W + ½ μ |v - g|²          w: the task, g: the secondary velocity of the objectives
     subject to  braking bound, velocity and acceleration of each joint (one box, which never is empty),
                 no gap between spheres closing faster than it can be braked (rows)
 
@@ -9,6 +9,7 @@ Solved by Cholesky while nothing binds, by projected Newton when joints are at l
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -23,7 +24,7 @@ from rackhand.services.controller.ik.arm import Arm
 from rackhand.services.controller.ik.collision import Zone, build_table, collision_rows, stop_is_clear
 from rackhand.services.controller.ik.objectives import Objectives
 from rackhand.services.controller.ik.rowqp import RowSolver
-from rackhand.services.controller.ik.twist_scaling import pace
+from rackhand.services.controller.ik.twist_scaling import twist_scale
 
 
 class Solver(IntEnum):
@@ -36,14 +37,14 @@ class Solver(IntEnum):
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Tuning of the tick. The defaults are measured; see `benchmarks/ik`."""
+class SolverSettings:
+    """Tuning of the tick. The defaults are measured; see ``benchmarks/ik``."""
 
     position_weight: float = 1.0  # of a metre of error, squared
     rotation_weight: float = 1.0  # of a radian, squared
     damping: float = 1e-6  # μ: how much the objective functions weigh against the task
     far_damping: float = 1e-3  # Levenberg-Marquardt, times the squared error
-    singular_damping: float = 1e-4  # at manipulability 0; none from `low_manipulability` on
+    singular_damping: float = 1e-4  # at manipulability 0; none from ``low_manipulability`` on
     low_manipulability: float = 0.01  # √det(J Jᵀ) below which the tick reports 801
     linear_tolerance: float = 1e-3  # [m] of error above which it reports 802
     angular_tolerance: float = 0.01  # [rad]
@@ -53,7 +54,7 @@ class Settings:
 class Step(NamedTuple):
     """What one tick found.
 
-    `codes` are those of 800, 801, 802 and 804 that hold, the least severe first, none if all is well:
+    ``codes`` are those of 800, 801, 802 and 804 that hold, the least severe first, none if all is well:
     800 the QP ended without proof of its optimum, 801 near a singularity, 802 the tool is off its target by more than
     the tolerance, 804 the input was not finite, or the motion was cut to keep a gap between spheres open.
     """
@@ -69,36 +70,27 @@ class Step(NamedTuple):
 
 
 class DifferentialIk:
-    """The servo of one arm's tool at a fixed period `dt` [s]. Positions and velocities are the *commanded* ones: feed
-    back what it returned, integrated by `q + v dt`; measurements belong to the joint servo below."""
+    """The servo of one arm's tool at a fixed period ``dt`` [s]. Positions and velocities are the *commanded* ones: feed
+    back what it returned, integrated by ``q + v dt``; measurements belong to the joint servo below."""
 
-    def __init__(self, arm: Arm, dt: float, settings: Settings | None = None, blend_time: float = 1.0) -> None:
+    def __init__(self, arm: Arm, dt: float, settings: SolverSettings | None = None, blend_time: float = 1.0) -> None:
         if not 0.0 < dt < 0.1:
             raise ValueError(f"dt must be between 0 and 0.1 s, is {dt}")
         self.arm, self.dt = arm, dt
         self.objectives = Objectives(arm, blend_time)
-        self._limits, self._held_limits = limit_table(arm), limit_table(arm)
-        self._held_limits[5] *= _HELD_BRAKING
-        self.settings = settings or Settings()
-        n = arm.n
-        self._frames, self._report = np.empty((n + 1, 3, 4)), np.empty(k.REPORT)
-        self._h, self._box, self._out = np.empty((n, n)), np.empty((3, n)), np.empty(n)
-        self._goal = np.full((2, n), np.nan)  # where the joints come to rest, as the last tick saw it
-        self._no_wish, self._no_twist = np.zeros(n), np.zeros(6)
+        self.settings = settings or SolverSettings()
+        self._work = k.TickWork.of(arm.n)
+        self._no_secondary, self._no_twist = np.zeros(arm.n), np.zeros(6)
         self.set_zones(())
 
     @property
-    def settings(self) -> Settings:
+    def settings(self) -> SolverSettings:
         """May be replaced at any time."""
         return self._settings
 
     @settings.setter
-    def settings(self, new: Settings) -> None:
-        weights = [new.position_weight] * 3 + [new.rotation_weight] * 3
-        tail = [new.damping, new.far_damping, new.singular_damping, new.low_manipulability]
-        self._tuning = np.array([self.dt, *weights, *tail, np.inf])
-        if not (np.all(np.isfinite(self._tuning[: k.LEAP])) and np.all(self._tuning >= 0.0) and new.damping > 0.0):
-            raise ValueError(f"weights and dampings must be finite and not negative, damping positive: {new}")
+    def settings(self, new: SolverSettings) -> None:
+        self._free, self._held = arm_tables(self.arm, self.dt, new), arm_tables(self.arm, self.dt, new, held=True)
         self._settings = new
 
     def set_zones(self, zones: Sequence[Zone], self_collision: bool = False) -> None:
@@ -113,33 +105,28 @@ class DifferentialIk:
         """Pose (3, 4) = [R | p] of the tool in the base frame."""
         return forward(self.arm, q)
 
-    def pace(self, q: Array, v: Array, twist: Array) -> float:
-        """The factor 0 … 1 by which to slow `twist` (6,), base axes at the tool, so that from `q` on the joints can
+    def twist_scale(self, q: Array, v: Array, twist: Array) -> float:
+        """The factor 0 … 1 by which to slow ``twist`` (6,), base axes at the tool, so that from ``q`` on the joints can
         follow it on its line: for velocities that are held, which do not know what lies ahead."""
-        return float(pace(self.arm.placements, self._held_limits, self._tuning, q, v, twist))
+        return float(twist_scale(self._held, q, v, twist))
 
     def step(
         self, q: Array, v: Array, target: Array | None = None, twist: Array | None = None, held: bool = False
     ) -> Step:
-        """One tick from commanded position `q` and velocity `v` (n,).
+        """One tick from commanded position ``q`` and velocity ``v`` (n,).
 
-        `target` (3, 4) is where the tool ought to be *now*, `twist` (6,) [m/s, rad/s] how the target moves during the
-        coming period, linear part first, axes of the base, point at the tool. No target: only the twist is followed,
-        from wherever the tool is. `held`: the target moves as `pace` lets a held velocity; the joints then brake for
-        the end of their range early enough that the tool stays on its line, and take no other posture to get on.
+        ``target`` (3, 4) is the tool's target *now*, ``twist`` (6,) [m/s, rad/s] how the target moves during the coming
+        period, linear part first, axes of the base, point at the tool. No target: only the twist is followed, from
+        wherever the tool is. ``held``: the target moves as ``twist_scale`` lets a held velocity; the joints then brake
+        for the end of their range early enough that the tool stays on its line, and no other posture is taken.
         """
         if target is None:
             target = forward(self.arm, q)
-        wish = self.objectives.velocity(q) if self.objectives.advance(self.dt) else self._no_wish
+        secondary = self.objectives.velocity(q) if self.objectives.advance(self.dt) else self._no_secondary
         twist = self._no_twist if twist is None else twist
-        out, report = self._out, self._report
-        self._tuning[k.LEAP] = _LEAP if held else np.inf
-        limits = self._held_limits if held else self._limits
-        k.tick(
-            self.arm.placements, limits, self._tuning, wish, q, v, target, twist, self._goal,
-            self._frames, self._h, self._box, out, report,
-        )  # fmt: skip
-        scale, measure, linear, angular, solver, iterations = report.tolist()
+        work = self._work
+        k.tick(self._held if held else self._free, q, v, target, twist, secondary, work)
+        scale, measure, linear, angular, solver, iterations = work.report.tolist()
         flags = 0
         if solver == k.NONE:
             flags = _HELD
@@ -151,14 +138,16 @@ class DifferentialIk:
             flags |= _SINGULAR
         if linear > settings.linear_tolerance or angular > settings.angular_tolerance:
             flags |= _OFF_TARGET
-        return Step(out.copy(), _CODES[flags], scale, measure, linear, angular, _SOLVERS[int(solver)], int(iterations))
+        velocity = work.velocity.copy()
+        return Step(velocity, _CODES[flags], scale, measure, linear, angular, _SOLVERS[int(solver)], int(iterations))
 
     def _hold_rows(self, row_solver: RowSolver, q: Array, solver: float) -> tuple[float, int]:
-        """Replace the velocity in `_out` where it breaks a row; which solver it then is from, and the flags raised."""
-        rows, bounds, out, flags = self._rows, self._bounds, self._out, 0
+        """Replace the tick's velocity where it breaks a row. Returns the solver that it is then from, and the flags."""
+        rows, bounds, work, flags = self._rows, self._bounds, self._work, 0
+        out = work.velocity
         acceleration = self.arm.limits.acceleration
-        collision_rows(self._table, acceleration, self.dt, self._frames, rows, bounds, self._gaps)
-        lower, upper, c = self._box
+        collision_rows(self._table, acceleration, self.dt, work.frames, rows, bounds, self._gaps)
+        lower, upper, c = work.box
         braking = np.clip(0.0, lower, upper)
         if np.any(rows @ out > bounds):
             # The box always holds braking, and backing out of the worst rows from there as far as it goes: where rows
@@ -172,7 +161,7 @@ class DifferentialIk:
                 away = rows[worst] / max(rows[worst] @ rows[worst], 1e-9)
                 safe = np.clip(safe - excess[worst] * away, lower, upper)
             bounds = np.maximum(bounds, rows @ safe)
-            out[:], proven = row_solver.solve(self._h, c, lower, upper, rows, bounds, safe)
+            out[:], proven = row_solver.solve(work.h, c, lower, upper, rows, bounds, safe)
             solver, flags = k.ROWS, 0 if proven else _UNPROVEN
         trial = out
         for part in (0.75, 0.5, 0.25, 0.0):
@@ -199,11 +188,32 @@ _ORDER = (
 _CODES = tuple(tuple(code for bit, code in _ORDER if flags & bit) for flags in range(16))
 
 
-def limit_table(arm: Arm) -> Array:
-    """Limits as the kernels read them, (6, n): lower, upper, velocity, acceleration, home, and the acceleration with
-    which joints brake for the end of their range."""
+def limit_table(arm: Arm, braking_share: float = 1.0) -> k.LimitTable:
+    """The arm's limits as the kernels read them. ``braking_share``: of its acceleration, for the end of the range."""
     limits = arm.limits
-    return np.vstack([limits.lower, limits.upper, limits.velocity, limits.acceleration, arm.home, limits.acceleration])
+    return k.LimitTable(
+        limits.lower, limits.upper, limits.velocity, limits.acceleration, arm.home, braking_share * limits.acceleration
+    )
+
+
+def arm_tables(arm: Arm, dt: float, settings: SolverSettings, held: bool = False) -> k.ArmTables:
+    """What a tick reads. ``held``: of a held velocity (see ``DifferentialIk.step``). Raises ValueError for settings
+    that are negative or not finite."""
+    weights = np.array([settings.position_weight] * 3 + [settings.rotation_weight] * 3)
+    dampings = [settings.damping, settings.far_damping, settings.singular_damping]
+    values = np.array([*weights, *dampings, settings.low_manipulability])
+    if not (np.all(np.isfinite(values)) and np.all(values >= 0.0) and settings.damping > 0.0):
+        raise ValueError(f"weights and dampings must be finite and not negative, damping positive: {settings}")
+    tuning = k.Tuning(
+        dt=float(dt),
+        weights=weights,
+        damping=float(settings.damping),
+        far_damping=float(settings.far_damping),
+        singular_damping=float(settings.singular_damping),
+        singular_at=float(settings.low_manipulability),
+        leap=_LEAP if held else math.inf,
+    )
+    return k.ArmTables(arm.placements, limit_table(arm, _HELD_BRAKING if held else 1.0), tuning)
 
 
 def forward(arm: Arm, q: Array) -> Array:
@@ -214,7 +224,7 @@ def forward(arm: Arm, q: Array) -> Array:
 
 
 def velocity_box(arm: Arm, q: Array, v: Array, dt: float) -> tuple[Array, Array]:
-    """Joint velocities (lower, upper) allowed for the coming period from commanded position `q` and velocity `v`.
+    """Joint velocities (lower, upper) allowed for the coming period from commanded position ``q`` and velocity ``v``.
 
     For commands that need no kinematics. The box is never empty; a command clipped into it every tick breaks no limit
     of position, velocity or acceleration."""

@@ -23,9 +23,7 @@ import numpy as np
 from rackhand.runtime.compiled import compiled
 from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik.kernels import (
-    DAMPING,
-    DT,
-    WEIGHTS,
+    ArmTables,
     acceleration_box,
     cholesky,
     cholesky_solve,
@@ -34,6 +32,7 @@ from rackhand.services.controller.ik.kernels import (
     normal_matrix,
     position_box,
     solve_box,
+    to_tool,
 )
 
 CURVATURE = 0.5  # γ: share of a joint's acceleration that following the line may take
@@ -42,60 +41,54 @@ CREEP = 5e-3  # √w [m/s, rad/s]: an error of this speed costs as much as stand
 
 
 @compiled
-def rate(
-    placements: Array, tuning: Array, q: Array, twist: Array, jac: Array, h: Array, body: Array, dq: Array
-) -> None:
-    """Fill `dq` (n,) with the joint velocity for `twist` (6,), base axes, at q; and what that takes: the Jacobian, `h`
-    as `tick` has it, and the twist in the tool's axes."""
+def joint_rate(arm: ArmTables, q: Array, twist: Array, jac: Array, h: Array, body: Array, dq: Array) -> None:
+    """Fill ``dq`` (n,) with the joint velocity for ``twist`` (6,), base axes, at ``q`` (n,); and the intermediate
+    results: the Jacobian ``jac`` (6, n), ``h`` (n, n) as in ``tick``, and ``body`` (6,), the twist in tool axes."""
     n = q.shape[0]
     frames, factor = np.empty((n + 1, 3, 4)), np.empty((n, n))
-    forward(placements, q, frames)
+    forward(arm.placements, q, frames)
     jacobian(frames, jac)
-    tool = frames[n]
-    for r in range(3):
-        body[r] = tool[0, r] * twist[0] + tool[1, r] * twist[1] + tool[2, r] * twist[2]
-        body[r + 3] = tool[0, r] * twist[3] + tool[1, r] * twist[4] + tool[2, r] * twist[5]
-    weights = tuning[WEIGHTS : WEIGHTS + 6]
-    normal_matrix(jac, weights, tuning[DAMPING], h)
+    to_tool(frames[n], twist, body)
+    normal_matrix(jac, arm.tuning.weights, arm.tuning.damping, h)
     cholesky(h, n, factor)
-    dq[:] = (weights * body) @ jac
+    dq[:] = (arm.tuning.weights * body) @ jac
     cholesky_solve(factor, n, dq, dq)
 
 
 @compiled
-def pace(placements: Array, limits: Array, tuning: Array, q: Array, v: Array, twist: Array) -> float:
-    """The factor 0 … 1 on `twist` (6,), base axes at the tool, from q and v (n,); see the module. `limits` and `tuning`
-    as in `tick`."""
+def twist_scale(arm: ArmTables, q: Array, v: Array, twist: Array) -> float:
+    """The factor 0 … 1 on ``twist`` (6,), base axes at the tool, from ``q`` and ``v`` (n,); see the module."""
     n = q.shape[0]
+    limits, tuning = arm.limits, arm.tuning
     jac, h, body = np.empty((6, n)), np.empty((n, n)), np.empty(6)
     dq, ahead, behind = np.empty(n), np.empty(n), np.empty(n)
-    rate(placements, tuning, q, twist, jac, h, body, dq)
+    joint_rate(arm, q, twist, jac, h, body, dq)
     fastest = np.max(np.abs(dq))
     if fastest < 1e-12:
         return 1.0
     # Small against how fast q' itself turns, or the difference would miss it near singularities.
     e = 1e-5 / fastest
-    rate(placements, tuning, q + e * dq, twist, jac, h, body, ahead)
-    rate(placements, tuning, q - e * dq, twist, jac, h, body, behind)
-    rate(placements, tuning, q, twist, jac, h, body, dq)
+    joint_rate(arm, q + e * dq, twist, jac, h, body, ahead)
+    joint_rate(arm, q - e * dq, twist, jac, h, body, behind)
+    joint_rate(arm, q, twist, jac, h, body, dq)
     lower, upper, x, c = np.zeros(n + 1), np.ones(n + 1), np.ones(n + 1), np.zeros(n + 1)
-    position_box(limits, q, tuning[DT], lower[:n], upper[:n])
+    position_box(limits, q, tuning.dt, lower[:n], upper[:n])
     most, at_once = 1.0, min(1.0, TAKE_OVER / fastest)
     for i in range(n):
         bend = abs(ahead[i] - behind[i]) / (2.0 * e)
-        if bend > CURVATURE * limits[3, i]:
-            most = min(most, math.sqrt(CURVATURE * limits[3, i] / bend))
+        if bend > CURVATURE * limits.acceleration[i]:
+            most = min(most, math.sqrt(CURVATURE * limits.acceleration[i] / bend))
     for i in range(n):
         brakes_from = upper[i] if dq[i] > 0.0 else -lower[i]
         if brakes_from < most * abs(dq[i]):
             most = max(brakes_from / abs(dq[i]), min(most, at_once))
-    acceleration_box(limits, v, tuning[DT], lower[:n], upper[:n])
-    weighted, damping = tuning[WEIGHTS : WEIGHTS + 6] * body, tuning[DAMPING]
+    acceleration_box(limits, v, tuning.dt, lower[:n], upper[:n])
+    weighted = tuning.weights * body
     wide = np.empty((n + 1, n + 1))
     wide[:n, :n] = h
-    wide[n, :n] = -(weighted @ jac + damping * dq)
+    wide[n, :n] = -(weighted @ jac + tuning.damping * dq)
     wide[:n, n] = wide[n, :n]
-    wide[n, n] = np.sum(weighted * body) + damping * np.sum(dq * dq) + CREEP * CREEP
+    wide[n, n] = np.sum(weighted * body) + tuning.damping * np.sum(dq * dq) + CREEP * CREEP
     c[n], upper[n], x[:n] = CREEP * CREEP, most, dq
     solve_box(wide, c, lower, upper, x)
     return float(x[n]) if x[n] < 1.0 - 1e-6 else 1.0

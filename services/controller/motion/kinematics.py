@@ -1,4 +1,4 @@
-"""The solver's arm as trajectories ask for it."""
+"""Kinematics of an arm as trajectories need them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rackhand.services.controller.trajectory.model import Placement, TcpPose
 
 
 class ArmKinematics:
-    """``Kinematics`` of an ``ik.Arm``. Keeps nothing between calls, so that several threads may use it."""
+    """``Kinematics`` of an ``ik.Arm``. Stateless, so that several threads may use it."""
 
     def __init__(self, arm: ik.Arm) -> None:
         self._arm = arm

@@ -1,4 +1,4 @@
-"""What is told of the loop to those who look: how well it does, and where the tool is about to go. Decides nothing."""
+"""Diagnostics of the control loop, and the path of the tool ahead. Nothing here decides about motion."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LoopWatch:
         self._motion = motion
         self.meter = Meter(stopwatch)
         self.late_ticks = 0
-        self._outlined: tuple[QueuedMotion, ...] | None = None  # the motions whose way was told
+        self._outlined: tuple[QueuedMotion, ...] | None = None  # the motions of the last path published
 
     def diagnostics(self, state: ArmState, commanded: Array) -> MotionDiagnostics:
         """Of the tick that answers ``state``, for whose instant the joints ``commanded`` (n,) had been asked."""

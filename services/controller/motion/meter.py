@@ -1,4 +1,4 @@
-"""How long things take by the machine's clock: to be told, never to decide by."""
+"""Durations by the machine's clock, for diagnostics. No decision depends on them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Stopwatch = Callable[[], int]  # nanoseconds
 
 
 def no_stopwatch() -> int:
-    """Where nobody measures, everything takes no time."""
+    """Without a measurement every duration is 0."""
     return 0
 
 
@@ -27,6 +27,6 @@ class Meter:
         self._longest = max(self._longest, self._stopwatch() - begun)
 
     def read_us(self) -> float:
-        """In µs; begins anew."""
+        """In µs; the next call measures from here."""
         longest, self._longest = self._longest, 0
         return longest * 1e-3

@@ -1,4 +1,4 @@
-"""The tool's way through a queue, for those who look."""
+"""The path of the tool through a queue, for display."""
 
 from __future__ import annotations
 

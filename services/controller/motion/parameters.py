@@ -26,7 +26,7 @@ _STOPS_ON = {
 
 
 class ParametersRefused(ValueError):
-    """What of the parameters cannot be, and why. ``code`` is CRF's."""
+    """Parameters that are not possible, and why. ``code`` is CRF's."""
 
     def __init__(self, text: str, code: CrfCode = CrfCode.BadRequest) -> None:
         super().__init__(text)
@@ -51,7 +51,7 @@ class Tuning:
     def apply(self, parameters: ControllerParameters) -> None:
         """Raises ``ParametersRefused``, and then nothing has changed."""
         if parameters.update_joints_initial_position is not None:
-            text = "UpdateJointsInitialPosition: inverse kinematics begins where the arm stands and needs no other seed"
+            text = "UpdateJointsInitialPosition: inverse kinematics always starts from the present joint positions"
             raise ParametersRefused(text, CrfCode.NotImplemented)
         functions = parameters.objective_functions or ObjectiveFunctions()
         wanted = list(_wanted(functions))

@@ -1,9 +1,9 @@
-"""Where paths are planned: beside the control loop, because a long one takes seconds and a tick has milliseconds.
+"""Paths are planned beside the control loop, because a long one takes seconds and a tick has milliseconds.
 
 A job is planned from the queue as it is when the job's turn comes, for a tick a little ahead, and is spliced in at that
 very tick. In lockstep the tick waits for the plan, so that a run is the same on any machine. Running free it does not:
-what is driven goes on, and a plan that comes too late is made again for a later tick. Its caller is answered as soon as
-it is planned, before it is driven.
+the current motion continues, and a plan that comes too late is made again for a later tick. Its caller is answered as
+soon as it is planned, before it is driven.
 """
 
 from __future__ import annotations

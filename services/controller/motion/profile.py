@@ -7,9 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rackhand.schemas.arrays import Array
-from rackhand.schemas.motion import JointLimits as ConfiguredJointLimits
-from rackhand.schemas.motion import ProfileParameters, RobotConfiguration
-from rackhand.schemas.motion import TaskLimits as ConfiguredTaskLimits
+from rackhand.schemas.motion import ConfiguredJointLimits, ConfiguredTaskLimits, ProfileParameters, RobotConfiguration
 from rackhand.services.controller import ik
 from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.trajectory import queue

@@ -41,11 +41,13 @@ class Ramp:
         return self.velocity
 
     def slow(self, factor: float) -> Array:
-        """Only this part of the velocity can be had, 0 … 1: from there it goes on. Returns it."""
+        """Scales velocity and acceleration by ``factor`` 0 … 1; the next step starts from there. Returns the
+        velocity."""
         self.velocity, self.acceleration = factor * self.velocity, factor * self.acceleration
         return self.velocity
 
     def cut(self, velocity: Array) -> None:
-        """Something else allowed only ``velocity``: from there it goes on, without the acceleration that was cut."""
+        """Another limit allowed only ``velocity``: the next step starts from there, without the acceleration that was
+        cut."""
         self.acceleration = np.where(velocity == self.velocity, self.acceleration, 0.0)
         self.velocity = velocity.copy()

@@ -1,4 +1,4 @@
-"""What ``getStatus`` tells: measured signals, and the codes that have come up since motion began."""
+"""The content of ``getStatus``: measured signals, and the codes raised since the last motion began."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _UNMEASURED = CrfCode.MethodNotAllowed
 
 
 class StatusCodes:
-    """CRF's ``controllerStatus``: a set that a new motion begins anew and that grows until the next one."""
+    """CRF's ``controllerStatus``: a set that is cleared when a motion begins and grows until the next one."""
 
     def __init__(self) -> None:
         self._codes = {int(CrfCode.OK)}
@@ -34,8 +34,8 @@ class StatusCodes:
 
 
 class Observer:
-    """Makes signals of arm states. Accelerations are differences of measured velocities, so the second state is the
-    first to have one."""
+    """Computes signals from arm states. Accelerations are differences of measured velocities, so the second state is
+    the first to have one."""
 
     def __init__(self, kinematics: ArmKinematics) -> None:
         self._kinematics = kinematics
@@ -53,7 +53,7 @@ class Observer:
         self._last = (state.stamp, dq, twist)
 
     def status(self, codes: tuple[int, ...], running: bool) -> MotionStatus:
-        """Without what priority access knows (``Dispatcher.complete`` adds it)."""
+        """Without the fields of priority access (``Dispatcher.complete`` adds it)."""
         state, last = self.state, self._last
         if state is None or last is None:
             missing = CrfCode.NotInitialized

@@ -52,7 +52,7 @@ class JointVelocity:
 class TaskVelocity:
     """``values`` (6,): the tool's twist in base axes, m/s and rad/s.
 
-    A target moves with the ramped twist, as fast as ``DifferentialIk.pace`` lets it, and the tool follows the target.
+    A target moves with the ramped twist, scaled by ``DifferentialIk.twist_scale``, and the tool follows the target.
     """
 
     def __init__(self, arm: ik.Arm, kinematics: ArmKinematics, solver: MeteredSolver, period: float, q: Array) -> None:
@@ -64,7 +64,7 @@ class TaskVelocity:
     def step(self, values: Array, q: Array, v: Array, profile: MotionProfile) -> tuple[Array, tuple[CrfCode, ...]]:
         acceleration = profile.task_acceleration
         twist = self._ramp.step(values, acceleration, acceleration / _TASK_JERK_TIME, self._period)
-        twist = self._ramp.slow(self._solver.ik.pace(q, v, twist))
+        twist = self._ramp.slow(self._solver.ik.twist_scale(q, v, twist))
         self.ramped = twist = self._ramp.slow(self._allowed_share(q, twist))
         step = self._solver.step(q, v, self._target, twist, held=True)
         self._target = _advanced(self._target, twist * self._period)

@@ -47,7 +47,7 @@ def denied(command: str, decision: Decision) -> Answer:
 
 
 def lease_extras(decision: Decision) -> dict[str, Any]:
-    """What a named client is told of its grant."""
+    """Fields about the grant, for clients that gave a name."""
     if decision.token is None:
         return {}
     token = decision.token

@@ -12,15 +12,15 @@ import msgspec
 
 @dataclass(frozen=True)
 class Fresh:
-    """Carry it out, then ``finish`` with the key (``None``: nothing to remember)."""
+    """Execute it, then ``finish`` with the key (``None``: nothing to remember)."""
 
     key: tuple[str, bytes] | None
 
 
 @dataclass(frozen=True)
 class Repeated:
-    """It has been carried out: the answer of then. ``None``: it still is being carried out under the same key, and
-    its answer serves both."""
+    """It was executed before, with this answer. ``None``: it is still being executed under the same key, and its answer
+    serves both."""
 
     answer: bytes | None
     key: tuple[str, bytes]

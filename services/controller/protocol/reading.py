@@ -1,4 +1,4 @@
-"""Long requests are read beside the control loop: a path of thousands of points takes longer to read than a period."""
+"""Long requests are parsed beside the control loop: a path of thousands of points takes longer than a period."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAX_WAITING = 64
 
 @dataclass
 class Reading:
-    """A request on its way in. ``overtaken``: a stop or the end of its session came after it, and was faster."""
+    """A request that is being parsed. ``overtaken``: a stop, or the end of its session, arrived meanwhile."""
 
     session: str
     text: str
@@ -44,7 +44,7 @@ class ParseQueue:
         return len(self._waiting) >= MAX_WAITING
 
     def wanted(self, session: str, text: str) -> bool:
-        """Whether this request is to be taken here."""
+        """Whether this request has to wait here."""
         return len(text) > LONG or any(reading.session == session for reading in self._waiting)
 
     def take(self, session: str, text: str, ticket: object) -> None:
@@ -52,12 +52,12 @@ class ParseQueue:
         self._waiting.append(Reading(session, text, ticket, future))
 
     def overtake(self, session: str | None = None) -> None:
-        """What is being read must not move the arm any more: of one session, or of all."""
+        """Requests that are being parsed must not move the arm any more: of one session, or of all."""
         for reading in self._waiting:
             reading.overtaken |= session in (None, reading.session)
 
     def collect(self, lockstep: bool = False) -> Iterator[Reading]:
-        """Those whose turn has come. ``lockstep``: all that are there are waited for."""
+        """The requests that are parsed and next of their session. ``lockstep``: waits for all of them."""
         if lockstep:
             wait([reading.future for reading in self._waiting if reading.future is not None])
         held: set[str] = set()

@@ -11,8 +11,8 @@ from rackhand.schemas import crf_requests as crf
 class Sessions:
     """The newest ``limit`` clients and their sessions.
 
-    A session names a connection, and whoever knows it could speak for it. A client without a name of its own is
-    therefore called by its session's ``alias`` wherever others can read it.
+    A session names a connection, and anyone who knows it could act for its client. A client without a name of its own
+    is therefore called by its session's ``alias`` wherever others can read it.
     """
 
     def __init__(self, limit: int) -> None:

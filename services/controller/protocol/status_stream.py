@@ -24,7 +24,7 @@ class StatusStream:
         self.mode = mode
 
     def due(self, status: MotionStatus, now: int) -> bool:
-        """Whether ``status`` is to be sent now; then it counts as sent."""
+        """Whether ``status`` is to be sent now; if so it counts as sent."""
         if now < self._next:
             return False
         # Missed periods are not made up for.

@@ -1,5 +1,15 @@
-"""Trajectories of one arm: way-points in, joint and task references at the control period out.
+"""Trajectories of one arm: waypoints in, joint and task references at the control period out. No clock, no bus.
 
-Values in, values out: no clock, no bus. ``geometry`` and ``continuation`` make the path, ``timing`` its time law,
-``stream`` the motion that is sampled, stopped, scaled and extended, ``queue`` what CRF does with it.
+Read in this order:
+
+    model         poses, limits, what a kinematics has to offer, refusals
+    geometry      paths through waypoints, with blends at corners
+    curve         q(s), a joint-space curve
+    continuation  inverse kinematics along a task path
+    timing        constraints along s, and the time law within them; ``topp`` solves it
+    time_law      s(t), and the filter that bounds its jerk
+    stream        a motion that is sampled, stopped, slowed, resumed
+    splice        waypoints appended to a motion under way
+    joint_stop    a stop off the path
+    queue         what CRF's path commands do, as a value
 """

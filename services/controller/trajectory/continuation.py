@@ -1,4 +1,4 @@
-"""Inverse kinematics along a task path: one continuous q(s), or a refusal that says where it ends.
+"""Inverse kinematics along a task path: one continuous q(s), or a refusal with the place where it ends.
 
 The curve solves q' = J⁺x' + (I − J⁺J) g, knot by knot: a Taylor step, a Newton correction onto the path, and a check
 of the Hermite piece between them. Steps shrink until the piece fits, so a posture is only ever left continuously;
@@ -114,9 +114,9 @@ def follow(
     first: int = 0,
     options: Continuation | None = None,
 ) -> JointCurve:
-    """q(s) of ``path`` from ``start`` (default: its beginning) where the arm stands at ``q`` (n,).
+    """q(s) of ``path`` from ``start`` (default: its beginning) where the arm is at ``q`` (n,).
 
-    ``first`` is the number the caller gives the way-point after the path's first. Raises ``PathRefused`` if ``q`` is
+    ``first`` is the number the caller gives the waypoint after the path's first. Raises ``PathRefused`` if ``q`` is
     not on the path, or if anywhere the arm cannot reach, would have to jump, or would leave its position limits.
     """
     options = options or Continuation()
@@ -157,7 +157,7 @@ def _advance(follower: _Follower, knots: list[_Knot], stop: float, step: float, 
         if new is not None:
             outside = follower.limits.outside(new.q)
             if outside is not None:
-                raise PathRefused(_point(follower, s, first), f"on the way to it {outside}")
+                raise PathRefused(_point(follower, s, first), f"before it, {outside}")
             knots.append(new)
             return min(follower.options.longest, 1.6 * (s - here.s) if s < stop else max(step, 1.6 * (s - here.s)))
         step = (s - here.s) / 2
@@ -182,7 +182,7 @@ def _why(follower: _Follower, here: _Knot) -> str:
 
 
 def _point(follower: _Follower, s: float, first: int) -> int:
-    """The caller's number of the way-point that follows ``s``."""
+    """The caller's number of the waypoint that follows ``s``."""
     s_points = follower.path.legs.s
     return max(0, first + min(int(np.searchsorted(s_points, s - 1e-12)), s_points.size - 1) - 1)
 

@@ -1,7 +1,7 @@
-"""Paths through way-points: legs, and blends that round their corners.
+"""Paths through waypoints: legs, and blends that round their corners.
 
 The path parameter s is the length of the polyline *without* its blends, so a blend changes nothing but its own stretch
-[S−r, S+r] about the corner at S, and appending way-points changes nothing before the last corner's blend.
+[S−r, S+r] about the corner at S, and appending waypoints changes nothing before the last corner's blend.
 
 A blend starts as the incoming leg and ends as the outgoing one. Seen from its corner,
 
@@ -35,7 +35,7 @@ _SAME_KNOT = 1e-9
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far blends may pass by the way-points: rad in every joint, m and rad at the TCP. 0 stops at each."""
+    """How far blends may pass by the waypoints: rad in every joint, m and rad at the TCP. 0 stops at each."""
 
     joint: float = 0.05
     position: float = 0.01
@@ -55,7 +55,7 @@ class Legs:
     stop: NDArray[np.bool_]
 
     def blend(self, s: float) -> tuple[int, Array, Array]:
-        """The way-point that ``s`` belongs to, and a, a′, a″ and b, b′, b″ seen from it."""
+        """The waypoint that ``s`` belongs to, and a, a′, a″ and b, b′, b″ seen from it."""
         corner = int(np.argmin(np.abs(self.s - s)))
         d, r = s - self.s[corner], self.radius[corner]
         if abs(d) >= r:
@@ -68,18 +68,18 @@ class Legs:
         return corner, np.array([d - out[0], 1 - out[1], -out[2]]), out
 
     def first_needed(self, s: float) -> int:
-        """The last way-point whose blend ends at or before ``s``: what is before it no longer matters from ``s`` on."""
+        """The last waypoint whose blend ends at or before ``s``: what is before it no longer matters from ``s`` on."""
         return max(0, min(int(np.searchsorted(self.s + self.radius, s, side="right")) - 1, self.s.size - 2))
 
     def without(self, first: int) -> Legs:
-        """From way-point ``first`` on, whose own blend is over."""
+        """From waypoint ``first`` on, whose own blend is over."""
         radius, stop = self.radius[first:].copy(), self.stop[first:].copy()
         radius[0], stop[0] = 0.0, False
         return Legs(self.s[first:], self.direction[first:], radius, stop)
 
 
 def legs(lengths: Array, directions: Array, reach: Array, start: float = 0.0) -> Legs:
-    """Legs of the given lengths; ``reach`` (k+1,) is the blend radius that the tolerance allows at each way-point."""
+    """Legs of the given lengths; ``reach`` (k+1,) is the blend radius that the tolerance allows at each waypoint."""
     s = start + np.concatenate([[0.0], np.cumsum(lengths)])
     radius = np.zeros(s.size)
     radius[1:-1] = np.minimum(reach[1:-1], 0.5 * np.minimum(lengths[:-1], lengths[1:]))
@@ -134,7 +134,7 @@ class JointPath:
         return JointCurve(np.array(s_knots), q_rows, np.array(dq_knots), np.zeros_like(q_rows))
 
     def from_(self, s: float) -> JointPath:
-        """Without the way-points that no longer matter from ``s`` on."""
+        """Without the waypoints that no longer matter from ``s`` on."""
         first = self.legs.first_needed(s)
         return JointPath(self.points[first:], self.legs.without(first))
 
@@ -146,7 +146,7 @@ class JointPath:
 
 
 def joint_path(points: Array, tolerance: Tolerance, start: float = 0.0) -> JointPath:
-    """Way-points (k+1, n), rad, without duplicates; s is the Euclidean length in rad, beginning at ``start``."""
+    """Waypoints (k+1, n), rad, without duplicates; s is the Euclidean length in rad, beginning at ``start``."""
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     directions = steps / lengths[:, None]
@@ -168,7 +168,7 @@ class TaskState:
 class TaskPath:
     """Straight lines and constant turns between poses, both blended by the same a(s), b(s).
 
-    ``points`` are the way-points; of a leg, ``legs.direction`` (k, 6) holds d(position)/ds in base axes and the rate of
+    ``points`` are the waypoints; of a leg, ``legs.direction`` (k, 6) holds d(position)/ds in base axes and the rate of
     rotation per s in the TCP's axes.
     """
 
@@ -194,7 +194,7 @@ class TaskPath:
         )
 
     def from_(self, s: float) -> TaskPath:
-        """Without the way-points that no longer matter from ``s`` on."""
+        """Without the waypoints that no longer matter from ``s`` on."""
         first = self.legs.first_needed(s)
         return TaskPath(self.points[first:], self.legs.without(first))
 
@@ -211,7 +211,7 @@ class TaskPath:
 
 
 def task_path(points: Sequence[Placement], tolerance: Tolerance, start: float = 0.0) -> TaskPath:
-    """Way-points as poses, without duplicates; s is metres, a radian counting as ``ANGLE_LENGTH`` metres."""
+    """Waypoints as poses, without duplicates; s is metres, a radian counting as ``ANGLE_LENGTH`` metres."""
     poses = tuple(TcpPose(np.asarray(p.translation, float), np.asarray(p.rotation, float)) for p in points)
     steps = np.array([pose_step(a, b) for a, b in pairwise(poses)])
     lengths = step_length(steps)

@@ -13,11 +13,11 @@ from rackhand.schemas.arrays import Array
 class PathRefused(ValueError):
     """A path that cannot be driven, refused before anything moves.
 
-    ``point`` is the index, in the call's own list, of the way-point that fails or on the way to which the path fails.
+    ``point`` is the index, in the call's own list, of the waypoint that fails, or of the end of the leg that fails.
     """
 
     def __init__(self, point: int, reason: str) -> None:
-        super().__init__(f"way-point {point}: {reason}")
+        super().__init__(f"waypoint {point}: {reason}")
         self.point = point
         self.reason = reason
 

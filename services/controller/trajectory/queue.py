@@ -1,6 +1,6 @@
 """What CRF's path commands mean (spec motion-controller §6.3, §6.6), as a value: every command makes a new queue.
 
-A command that is refused raises ``PathRefused`` and changes nothing. Way-points of the kind that is being driven are
+A command that is refused raises ``PathRefused`` and changes nothing. Waypoints of the kind that is being driven are
 appended without a stop; another kind stops softly, drops what was queued, and is driven from there.
 """
 
@@ -33,14 +33,14 @@ _REACHED = 1e-4
 
 
 class Method(IntEnum):
-    """How task way-points are driven: ``TrajectoryExecutionMethod`` of CRF."""
+    """How task waypoints are driven: ``TrajectoryExecutionMethod`` of CRF."""
 
     JOINT_SPACE = 1
     TASK_SPACE = 2
 
 
 class ReferenceFrame(IntEnum):
-    """What task way-points refer to: ``PointReferenceFrame`` of CRF. TCP means its pose when the command is given."""
+    """What task waypoints refer to: ``PointReferenceFrame`` of CRF. TCP means its pose when the command is given."""
 
     BASE = 1
     TCP = 2
@@ -48,7 +48,7 @@ class ReferenceFrame(IntEnum):
 
 @dataclass(frozen=True)
 class PathArm:
-    """What the queue knows of the arm. ``joints`` times joint-space motion, ``task`` what follows task paths; changes
+    """The arm as the queue needs it. ``joints`` times joint-space motion, ``task`` what follows task paths; changes
     hold for what is appended afterwards."""
 
     kinematics: Kinematics
@@ -73,8 +73,8 @@ class QueuedMotion:
 class MotionQueue:
     """Motions one after the other, each planned to begin where and when the one before it ends.
 
-    ``rest`` (n,) is where the arm stands without any. While ``paused``, the first is held at rest and the others wait.
-    Times are seconds and only go forward from call to call.
+    ``rest`` (n,) is the position of the arm without any. While ``paused``, the first is held at rest and the others
+    wait. Times are seconds and only go forward from call to call.
     """
 
     arm: PathArm
@@ -99,7 +99,7 @@ class MotionQueue:
     # -- commands ---------------------------------------------------------------------------------------------------
 
     def append_joints(self, t: float, points: Sequence[Array]) -> MotionQueue:
-        """Joint way-points, (n,) each, rad. Points that repeat the one before them are left out."""
+        """Joint waypoints, (n,) each, rad. Points that repeat the one before them are left out."""
         for i, point in enumerate(points):
             self._check(i, np.asarray(point, float))
         return self._for(t, "joints")._add_joints(t, "joints", [np.asarray(point, float) for point in points])
@@ -112,7 +112,7 @@ class MotionQueue:
         reference: ReferenceFrame,
         tcp: Placement | None = None,
     ) -> MotionQueue:
-        """Task way-points. ``tcp`` is where the TCP is now, for ``ReferenceFrame.TCP``; default: as it is commanded."""
+        """Task waypoints. ``tcp`` is where the TCP is now, for ``ReferenceFrame.TCP``; default: as it is commanded."""
         if reference == ReferenceFrame.TCP:
             now = tcp or self.arm.kinematics.forward(self.at(t).q)
             points = [TcpPose(now.translation, now.rotation) @ point for point in points]
@@ -122,7 +122,7 @@ class MotionQueue:
         queue = self._for(t, "task")
         poses, kept = _distinct_poses(self.arm.kinematics.forward(queue._end()), points)
         if not kept:
-            raise PathRefused(0, "every way-point is where the path before it ends: there is nothing to drive")
+            raise PathRefused(0, "every waypoint is where the path before it ends: there is nothing to drive")
         try:
             if method == Method.JOINT_SPACE:
                 return queue._add_joints(t, "task", queue._solve(poses[1:]))
@@ -144,7 +144,7 @@ class MotionQueue:
         return self._only(t, QueuedMotion(stop, t, motions[0].kind, stopped=True))
 
     def pause(self, t: float) -> MotionQueue:
-        """Stops along the path; ``resume`` goes on with it, and with all that is queued."""
+        """Stops along the path; ``resume`` continues it and all that is queued."""
         motions = self._alive(t)
         if not motions or self.paused:
             return self
@@ -224,7 +224,7 @@ class MotionQueue:
         return self.motions if self.paused else tuple(queued for queued in self.motions if t < queued.motion.end)
 
     def _open(self, kind: str, path: type) -> Motion | None:
-        """The last motion, if way-points of that sort can be appended to it."""
+        """The last motion, if waypoints of that sort can be appended to it."""
         if not self.motions or self.motions[-1].stopped or self.motions[-1].kind != kind:
             return None
         motion = self.motions[-1].motion

@@ -1,7 +1,7 @@
-"""Way-points appended to a motion under way: only what comes after its last corner is made anew.
+"""Waypoints appended to a motion under way: only the part after its last corner is planned again.
 
-The corner at the old end is blended as far as the leg before it is still to be driven. Where that is too late, the old
-path is finished and the corner is taken at rest.
+The corner at the old end is blended as far as the leg before it is not driven yet. Where that is too late, the old
+path is finished and the corner is passed at rest.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def extend_joints(
     motion = _trimmed(motion, t)
     old = motion.path
     if not isinstance(old, JointPath):
-        raise TypeError("joint way-points do not extend a task path")
+        raise TypeError("joint waypoints do not extend a task path")
 
     def spliced(free: float) -> tuple[Motion, bool]:
         path = old.extended(more, tolerance, free)
@@ -60,7 +60,7 @@ def extend_task(
     motion = _trimmed(motion, t)
     old = motion.path
     if not isinstance(old, TaskPath):
-        raise TypeError("task way-points do not extend a joint path")
+        raise TypeError("task waypoints do not extend a joint path")
 
     def spliced(free: float) -> tuple[Motion, bool]:
         path = old.extended(more, tolerance, free)

@@ -1,8 +1,8 @@
 """A motion that is under way: sampled at any time, stopped along its path, slowed, resumed, extended.
 
 A ``Motion`` is a value. Every change makes a new one that takes over from the old at the time of the change: the
-planned law is cut there and goes on differently, and as the filter runs over both parts alike, q, dq and ddq stay
-continuous. Times are seconds on the caller's axis and belong to the commanded motion.
+planned time law is cut there and continues differently, and as the filter runs over both parts alike, q, dq and ddq
+stay continuous. Times are seconds on the caller's axis and belong to the commanded motion.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Motion:
         return stopped if stopped.end < self.end else self
 
     def scaled(self, t: float, rate: float) -> Motion:
-        """From ``t`` on with velocity limits times ``rate`` in (0, 1]; goes on after ``braked`` too."""
+        """From ``t`` on with velocity limits times ``rate`` in (0, 1]; continues after ``braked`` too."""
         if not 0 < rate <= 1:
             raise ValueError(f"the rate is in (0, 1], not {rate}")
         return replace(self.driven(plan(self.curve, self.rows, self.planning, self.until(t), rate)), rate=rate)
@@ -119,7 +119,7 @@ def start_task(
     kinematics: Kinematics,
     options: Continuation | None = None,
 ) -> Motion:
-    """A motion along a task path, at rest at ``t`` in ``q``. Raises ``PathRefused`` (way-points numbered from 0 without
+    """A motion along a task path, at rest at ``t`` in ``q``. Raises ``PathRefused`` (waypoints numbered from 0 without
     the path's first)."""
     return _start(t, path, follow(kinematics, limits.joints, path, q, options=options), limits, planning, kinematics)
 

@@ -1,4 +1,4 @@
-"""The law s(t): what TOPP-RA plans, piecewise with constant s̈, and the filter that bounds its jerk."""
+"""The time law s(t): what TOPP-RA plans, piecewise with constant s̈, and the filter that bounds its jerk."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from rackhand.schemas.arrays import Array
 class Smoothing:
     """Two box filters of these lengths, seconds, the longer first.
 
-    s̈ changes by Δ no faster than Δ/``long`` and that rate itself is continuous. The law comes to rest ``total`` later
-    than planned; it is delayed only, so the path is kept.
+    s̈ changes by Δ no faster than Δ/``long`` and that rate itself is continuous. The result comes to rest ``total``
+    later than planned; it is delayed only, so the path is kept.
     """
 
     long: float = 0.03
@@ -40,7 +40,7 @@ class Smoothing:
 class TimeLaw:
     """s(t) with constant acceleration ``a`` from every knot on: times ``t``, ``s``, speeds ``v``, all (K,).
 
-    Before the first knot it is taken as at constant speed, after the last one it stays where it is.
+    Before the first knot it is taken as at constant speed, after the last one it is constant.
     """
 
     t: Array
@@ -50,7 +50,7 @@ class TimeLaw:
 
     @property
     def end(self) -> float:
-        """When the unfiltered law comes to rest."""
+        """When the unfiltered s(t) comes to rest."""
         return float(self.t[-1])
 
     def at(self, t: float) -> tuple[float, float]:
@@ -69,7 +69,7 @@ class TimeLaw:
         return TimeLaw(*part)
 
     def then(self, later: TimeLaw) -> TimeLaw:
-        """Goes on as ``later``, which begins where and when this one ends."""
+        """Continues as ``later``, which begins where and when this one ends."""
         rows = zip(self._rows(), later._rows(), strict=True)
         return TimeLaw(*(np.concatenate([mine[:-1], theirs]) for mine, theirs in rows))
 
@@ -90,7 +90,7 @@ def at_rest(t: float, s: float) -> TimeLaw:
 def time_law_from(start: float, s: Array, x: Array, u: Array, end: float, pause: float) -> TimeLaw:
     """The law that begins at time ``start`` and has ṡ² = x (N,), s̈ = u (N-1,) over s (N,), until s = ``end``.
 
-    Where the grid has a point twice, a corner, it stands still for ``pause``: as long as the filter remembers.
+    Where the grid has a point twice, a corner, it rests for ``pause`` seconds: the length of the filter.
     """
     last = max(int(np.searchsorted(s, end)), 1)
     s, v, u = s[: last + 1].copy(), np.sqrt(x[: last + 1]), u[:last].copy()

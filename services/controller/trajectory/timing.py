@@ -84,7 +84,7 @@ def rows(
 ) -> PathConstraints:
     """The constraints of ``curve`` under ``joints`` limits and, if given, ``task`` limits.
 
-    The TCP's motion is that of ``path`` where the curve follows one; otherwise ``kinematics`` tells it.
+    The TCP's motion is that of ``path`` where the curve follows one; otherwise it is computed by ``kinematics``.
     """
     s, left = _grid(curve, planning)
     q = np.where(left[:, None], curve.derivatives(s, left=True), curve.derivatives(s))

@@ -109,11 +109,12 @@ def planning_state(facts: Facts) -> Payload | None:
         "target_poses": [] if state.target is None else [pose_json(state.target, 3)],
         "charger_pose": origin,
         "going_back_to_charger": False,
-        "move_intent": "none",
+        "move_intent": state.move_intent,
         "intent_target_pose": origin,
         "stuck_state": state.stuck_state,
         "given_route_passed_point_count": 0,
         **({"viewport_blocked": True} if state.viewport_blocked else {}),
+        **({"message": state.message} if state.message else {}),
     }
 
 

@@ -1,19 +1,26 @@
-"""The last check, independent of how a command came about: may the chassis still stop in time with the exact body?"""
+"""The last check of every command, whatever wants it: can the chassis (its exact footprint) still stop after it?"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rackhand.runtime.compiled import compiled
-from rackhand.schemas.base import Twist2
-from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.schemas.base import NANOSECONDS, Twist2
+from rackhand.services.planner.control import speed_profile as profile
+from rackhand.services.planner.geometry.polygon import inside_convex
+from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose
 from rackhand.services.planner.map.grid import Geometry, Mask
-from rackhand.services.planner.settings import NavigationSettings
+from rackhand.services.planner.settings import Limits, NavigationSettings
 
 Array = NDArray[np.float64]
+PERIOD = 0.04  # s; the nominal tick
+AT_REST = 0.01  # m/s and rad/s: a braking command below it is standstill
+LONGEST = 0.1  # s; a late tick does not allow for more acceleration than this
+SHARES = (1.0, 0.5, 0.2)  # of the wanted twist that are tried before braking
 STEP = 0.04  # s
 WORSE = 1e-6  # m; a trajectory is to blame only if it comes nearer than standing still would
 # Where something comes at the chassis anyway, getting away must not be vetoed because a corner swings out first.
@@ -21,6 +28,76 @@ WORSE_MOVING = 0.15
 TURN_REACH = 0.5  # m that turning alone can bring a corner nearer to something beside
 TURNING_STOP = 1.0  # s that stopping a turn can take
 LOOK_ON = 0.3  # s after standstill for things that move
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a command is checked against, in one frame: the map's, or odometry's without a map pose.
+
+    ``obstacles``: rows x, y, vx, vy, margin, in metres and m/s.
+    """
+
+    pose: Pose
+    obstacles: Array
+
+
+class BrakingGuard:
+    """Holds the last command; ``drive`` or ``brake`` makes the next one, once a tick.
+
+    ``vetoed``: the last wanted twist did not pass as it was.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """The driver restarted: it starts from standstill."""
+        self.command, self.vetoed = STANDSTILL, False
+        self._stamp: int | None = None
+
+    def drive(
+        self,
+        wanted: Twist2,
+        view: Surroundings | None,
+        measured: Twist2,
+        stamp: int,
+        limits: Limits,
+        edges: Array,
+        settings: NavigationSettings,
+        may_touch: tuple[Array, ...] = (),
+    ) -> Twist2:
+        """The wanted twist within ``limits``, if the chassis could still stop after it; else slower, else braking.
+
+        ``view``: what surrounds it; None brakes. ``edges``: of the footprint. Obstacles inside the convex polygons of
+        ``may_touch`` (map frame) are ignored.
+        """
+        dt = self._since(stamp)
+        if view is not None:
+            obstacles = view.obstacles
+            for polygon in may_touch:
+                obstacles = obstacles[~inside_convex(polygon, obstacles[:, :2])]
+            linear = min(max(wanted.linear, limits.max_backward_velocity), limits.max_forward_velocity)
+            angular = min(max(wanted.angular, -limits.max_angular_velocity), limits.max_angular_velocity)
+            for share in SHARES:
+                command = profile.limited(self.command, share * linear, share * angular, dt, limits)
+                if braking_is_free(view.pose, measured, command, PERIOD, obstacles, edges, settings):
+                    return self._next(command, stamp, vetoed=share < 1.0)
+        return self._next(profile.braked(self.command, dt, settings.control), stamp, vetoed=True)
+
+    def brake(self, stamp: int, limits: Limits) -> Twist2:
+        """The next command of the shortest stop."""
+        command = profile.braked(self.command, self._since(stamp), limits)
+        at_rest = max(abs(command.linear), abs(command.angular)) < AT_REST
+        return self._next(STANDSTILL if at_rest else command, stamp, vetoed=False)
+
+    def _since(self, stamp: int) -> float:
+        if self._stamp is None or stamp <= self._stamp:
+            return PERIOD
+        return min((stamp - self._stamp) / NANOSECONDS, LONGEST)
+
+    def _next(self, command: Twist2, stamp: int, vetoed: bool) -> Twist2:
+        self.command, self.vetoed, self._stamp = command, vetoed, stamp
+        return command
 
 
 def braking_is_free(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,3 +36,10 @@ def interpolate(a: Pose, b: Pose, fraction: float) -> Pose:
     """The pose a ``fraction`` of the movement from ``a`` to ``b``: x and y linear, yaw along the shorter arc."""
     yaw = planar.wrap(a[2] + fraction * planar.wrap(b[2] - a[2]))
     return np.array([a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1]), yaw])
+
+
+def transformed(frame: Pose, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points, (n, 2) in the frame of ``frame``, in its parent frame."""
+    c, s = math.cos(frame[2]), math.sin(frame[2])
+    moved: NDArray[np.float64] = points @ np.array([(c, s), (-s, c)]) + frame[:2]
+    return moved

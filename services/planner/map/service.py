@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from rackhand.schemas.maps import (
     CreateMap,
     DeleteMap,
@@ -15,18 +17,24 @@ from rackhand.schemas.maps import (
     UseMapData,
 )
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
-from rackhand.services.planner.behaviors.interface import Navigator
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.map.check import check_map, check_overlays
 from rackhand.services.planner.map.store import MapStore, unstored
 
 
-class MapService:
-    """The map store and the navigator kept in step. ``changes`` counts how often the map in use was set anew."""
+class MapUser(Protocol):
+    """What drives by the map in use."""
 
-    def __init__(self, store: MapStore, navigator: Navigator) -> None:
+    def set_map(self, data: MapData | None) -> None:
+        """Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that cannot be read."""
+
+
+class MapService:
+    """The map store and what drives by its map, kept in step. ``changes`` counts how often a map was taken into use."""
+
+    def __init__(self, store: MapStore, user: MapUser) -> None:
         self._store = store
-        self._navigator = navigator
+        self._user = user
         self.trouble: str | None = None
         self.changes = 0
 
@@ -38,10 +46,10 @@ class MapService:
         """Give navigation the map in use anew; it forgets what it saw. A map it cannot read becomes ``trouble``."""
         self.trouble = None
         try:
-            self._navigator.set_map(self.current)
+            self._user.set_map(self.current)
         except MoveFailed as failed:
             self.trouble = failed.text
-            self._navigator.set_map(None)
+            self._user.set_map(None)
 
     def answer(self, request: MapRequest, now: int) -> MapReply:
         """Raises ``RequestRefused``; then nothing has changed."""
@@ -81,7 +89,7 @@ class MapService:
     def _use(self, data: MapData | None) -> MapReply:
         """Selecting counts as a change even if it is the same map: it is how patched overlays are taken up."""
         try:
-            self._navigator.set_map(data)
+            self._user.set_map(data)
         except MoveFailed as failed:
             self.load()
             raise RequestRefused(RefusalCode.INVALID, f"the map cannot be driven by: {failed.text}") from None

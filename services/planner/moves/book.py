@@ -67,13 +67,17 @@ class MoveBook:
         Raises ``RequestRefused`` for a request that is not well formed; then nothing has changed.
         """
         check(request)
-        replaced = None if self.current is None else _ended(self.current, "cancelled", now)
+        replaced = (
+            None if self.current is None else _ended(self.current, "cancelled", now, text="replaced by a newer move")
+        )
         move = self._records.add(request, now, replaced)
         self.current = self.last = move
         return move, replaced
 
     def end(self, state: EndState, now: int, reason: MoveFailReason = MoveFailReason.NONE, text: str = "") -> Move:
-        """End the move that runs. Only ``failed`` has a reason and a text. Raises ``LookupError`` when none runs.
+        """End the move that runs. Raises ``LookupError`` when none runs.
+
+        ``failed`` has a reason and a text, ``cancelled`` a text that says why.
 
         The move is over even if keeping that fails: the store then still says ``moving``, which the next start reads
         as a crash, and closes.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from rackhand.schemas.chassis import Scan
 from rackhand.services.planner.control.braking_guard import as_obstacles, nearby_cells
 from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.geometry.polygon import inside_convex
 from rackhand.services.planner.geometry.se2 import Pose, compose
 from rackhand.services.planner.geometry.se2 import pose as as_pose
 from rackhand.services.planner.map.grid import Geometry, Mask, StaticMap
@@ -20,6 +22,7 @@ from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
 WINDOW = 5.5  # m to each side
+MOVER_SHADOW = 0.25  # m around a moving obstacle in which its hits may lie
 
 
 class LocalCostmap:
@@ -32,6 +35,7 @@ class LocalCostmap:
         self._velocities: Array = np.empty((0, 2))
         self._settings = settings
         self._cells: Array = np.empty((0, 2))
+        self._masks: tuple[Array, ...] = ()
         self.mapped = DistanceGrid.of(static.blocked, static.geometry)
         self.near = self.mapped
 
@@ -56,16 +60,41 @@ class LocalCostmap:
         self.near = DistanceGrid.of(blocked, Geometry(x, y, g.resolution, *blocked.shape))
         self._cells = nearby_cells(blocked, g, window)
 
+    def mask(self, polygon: Array) -> LocalCostmap:
+        """This costmap without the obstacles inside a convex polygon, (n, 2) metres in the map frame."""
+        masked, g = copy.copy(self), self.near.geometry
+        x, y = (np.arange(g.columns) + 0.5) * g.resolution + g.x, (np.arange(g.rows) + 0.5) * g.resolution + g.y
+        centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        free = inside_convex(polygon, centres).reshape(g.rows, g.columns)
+        masked.near = DistanceGrid.of((self.near.distance == 0.0) & ~free, g)
+        masked._masks = (*self._masks, polygon)
+        masked._cells = self._cells[~inside_convex(polygon, self._cells)]
+        return masked
+
+    def observed_cells(self) -> NDArray[np.int64]:
+        """Flat indices of the cells of the whole map that hold an observed obstacle; what moves will be elsewhere."""
+        g = self.static.geometry
+        rows, columns = self.observed.cells()
+        kept = np.ones(len(rows), dtype=np.bool_)
+        for mover in self.movers.moving:
+            row, column = g.cell(mover.position[0], mover.position[1])
+            reach = math.ceil((mover.radius + MOVER_SHADOW) / g.resolution)
+            kept &= (np.abs(rows - row) > reach) | (np.abs(columns - column) > reach)
+        flat: NDArray[np.int64] = rows[kept] * g.columns + columns[kept]
+        return flat
+
     def blocked(self) -> Mask:
-        """Map and what stands on it, everywhere; what moves will be elsewhere."""
-        return self._standing((slice(0, self.static.geometry.rows), slice(0, self.static.geometry.columns)))
+        """Map and observed obstacles, everywhere."""
+        mask = self.static.blocked.copy()
+        mask.reshape(-1)[self.observed_cells()] = True
+        return mask
 
     def _standing(self, window: tuple[slice, slice]) -> Mask:
         g = self.static.geometry
         observed = self.observed.occupied(window)
         for mover in self.movers.moving:
             row, column = g.cell(mover.position[0], mover.position[1])
-            reach = math.ceil((mover.radius + 0.25) / g.resolution)
+            reach = math.ceil((mover.radius + MOVER_SHADOW) / g.resolution)
             r0, c0 = window[0].start, window[1].start
             rows = slice(max(row - reach - r0, 0), max(row + reach + 1 - r0, 0))
             observed[rows, max(column - reach - c0, 0) : max(column + reach + 1 - c0, 0)] = False
@@ -78,7 +107,10 @@ class LocalCostmap:
         hits = as_obstacles(self.observed.points, s.hit_margin)
         hits[:, 2:4] = self._velocities
         hits[np.abs(self._velocities).any(axis=1), 4] = s.mover_margin
-        return np.vstack([cells, self._within(hits, pose)])
+        rows = np.vstack([cells, self._within(hits, pose)])
+        for polygon in self._masks:
+            rows = rows[~inside_convex(polygon, rows[:, :2])]
+        return rows
 
     def _within(self, points: Array, pose: Pose) -> Array:
         near: Array = points[(np.abs(points[:, :2] - pose[:2]) < self._settings.safety_radius).all(axis=1)]
@@ -93,7 +125,8 @@ class LocalCostmap:
 
 
 def _span(middle: int, reach: int, size: int) -> tuple[int, int]:
-    return min(max(middle - reach, 0), size), max(min(middle + reach + 1, size), 0)
+    """The window about ``middle`` within ``size``; one cell at the edge for a middle beyond it."""
+    return min(max(middle - reach, 0), size - 1), max(min(middle + reach + 1, size), 1)
 
 
 def is_usable(scan: Scan, min_valid_fraction: float) -> bool:

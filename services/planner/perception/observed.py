@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 HIT, MISS, FULL, OCCUPIED = 3, 2, 6, 3  # one hit occupies; two rays through it clear the firmest cell
 FRESH, LATELY = 8, 60  # scans since the first hit of a cell, and since it was seen free before that
 SCAN_PERIOD = 0.08  # s; ages are counted in scans
+TILE = 32  # cells to each side
 RAY_STEP = 0.7  # of a cell between the points of a ray that are looked at
 WHOLE = (slice(None), slice(None))
 
@@ -82,6 +83,8 @@ class ObservedObstacles:
         self._static = static
         self._settings = settings
         self._evidence = Evidence.of(static, settings.static_match_distance)
+        # Tiles with unmapped hits since they were last found empty.
+        self._tiles = np.zeros([n // TILE + 1 for n in static.blocked.shape], dtype=np.bool_)
         self._scans = 0
         self._hits = Hits(np.empty((0, 2)), np.empty(0, dtype=np.bool_), np.empty(0, dtype=np.bool_))
 
@@ -112,6 +115,27 @@ class ObservedObstacles:
         unmapped, fresh = mark_hits(self._evidence, points, self._scans, expiry)
         clear_rays(self._evidence, beams)
         self._hits = Hits(points, unmapped, fresh)
+        rows, columns = self._cells_of(points[unmapped])
+        self._tiles[rows // TILE, columns // TILE] = True
+
+    def _cells_of(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns of those points, (n, 2) in the map frame, that are on the map."""
+        g = self._static.geometry
+        cells = np.floor((points - (g.x, g.y)) / g.resolution).astype(np.int64)
+        inside = ((cells >= 0) & (cells < (g.columns, g.rows))).all(axis=1)
+        return cells[inside, 1], cells[inside, 0]
+
+    def cells(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns of all cells with an observed obstacle. Costs time by what was observed, not by the map."""
+        rows: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]
+        columns = rows.copy()
+        for i, j in np.argwhere(self._tiles):
+            window = (slice(i * TILE, (i + 1) * TILE), slice(j * TILE, (j + 1) * TILE))
+            r, c = np.nonzero(self.occupied(window))
+            self._tiles[i, j] = len(r) > 0
+            rows.append(r + i * TILE)
+            columns.append(c + j * TILE)
+        return np.concatenate(rows), np.concatenate(columns)
 
     def is_seen_free(self, point: Array) -> bool:
         """Whether a ray of the newest scan passed through this place."""

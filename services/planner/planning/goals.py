@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.geometry.se2 import Pose, wrap
+from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
@@ -65,14 +64,6 @@ def check_goal(costmap: LocalCostmap, footprint: Footprint, target: Target, s: N
         raise MoveFailed(MoveFailReason.ENDING_POINT_NOT_IN_GROUND, text)
     if costmap.static.blocked[g.cell(target.x, target.y)]:
         raise MoveFailed(MoveFailReason.ENDING_POINT_NOT_IN_GROUND, f"{where}, in a non-traversable cell")
-
-
-def is_there(start: Pose, goal: Goal, target: Target, s: NavigationSettings) -> bool:
-    """Whether the chassis is at the goal already: within its accuracy, and within ``equal_yaw`` of its heading if it
-    has one."""
-    away = math.hypot(target.x - start[0], target.y - start[1])
-    turned = goal.yaw is None or abs(wrap(goal.yaw - start[2])) <= s.equal_yaw
-    return away <= goal.accuracy and turned
 
 
 def _depth(overlap: float, g: Geometry) -> str:

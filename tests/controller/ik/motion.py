@@ -35,7 +35,7 @@ def twist_between(a: Array, b: Array, dt: float) -> Array:
 
 
 def follow(ik: DifferentialIk, path: Path, seconds: float, q: Array) -> Run:
-    """Follow `path`, starting at rest in q, and hold every limit to be kept."""
+    """Follow ``path``, starting at rest in q, and hold every limit to be kept."""
     run, v, limits = Run(), np.zeros(len(q)), ik.arm.limits
     for i in range(round(seconds / ik.dt)):
         now, then = path(i * ik.dt), path((i + 1) * ik.dt)

@@ -8,15 +8,11 @@ import scipy.sparse as sparse
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rackhand.services.controller.ik import Arm, DifferentialIk, load_arm, velocity_box
+from rackhand.services.controller.ik import Arm, SolverSettings, load_arm, velocity_box
 from rackhand.services.controller.ik import kernels as k
 from rackhand.services.controller.ik.collision import RESERVE, Zone, build_table, collision_rows, gap
-from rackhand.services.controller.ik.objectives import (
-    CollisionAvoidanceSphere,
-    DesiredJointPositions,
-    JointLimits,
-    Manipulability,
-)
+from rackhand.services.controller.ik.objectives import KINDS, CollisionAvoidanceSphere, DesiredJointPositions
+from rackhand.services.controller.ik.servo import arm_tables
 
 _UR5E = load_arm("ur5e")
 
@@ -72,7 +68,7 @@ def test_curved_normal_matrix_is_the_second_derivative_of_the_distance(arm: Arm)
         frames = frames_at(arm, q)
         k.jacobian(frames, jac)
         k.normal_matrix(jac, np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), 0.0, h)
-        k.curve(jac, frames[-1, :, :3].T @ (target - frames[-1, :, 3]), h)
+        k.subtract_curvature(jac, frames[-1, :, :3].T @ (target - frames[-1, :, 3]), h)
         for i, unit in enumerate(1e-6 * np.eye(arm.n)):
             column = (slope(arm, q + unit, target) - slope(arm, q - unit, target)) / 2e-6
             np.testing.assert_allclose(h[i], column, atol=1e-7)
@@ -80,18 +76,18 @@ def test_curved_normal_matrix_is_the_second_derivative_of_the_distance(arm: Arm)
 
 def test_the_goal_of_a_target_out_of_reach_moves_along_with_it(arm: Arm) -> None:
     """Once found, a few steps a tick keep it, however slowly first derivatives alone would lead there."""
-    ik = DifferentialIk(arm, 0.004)
+    tables = arm_tables(arm, 0.004, SolverSettings())
     far, q = frames_at(arm, arm.home)[-1], arm.home.copy()
     out = far[:, 3] / np.linalg.norm(far[:, 3])
     frames = np.empty((arm.n + 1, 3, 4))
     for _ in range(20):
         far[:, 3] += 0.05 * out
         k.forward(arm.placements, q, frames)
-        k.descend(arm.placements, ik._limits, ik._tuning, far, q, frames, 100)
+        k.newton_solve(tables, far, q, frames, 100)
     for _ in range(10):
         far[:, 3] += 0.002 * out
         k.forward(arm.placements, q, frames)
-        left, ended = k.descend(arm.placements, ik._limits, ik._tuning, far, q, frames, 4)
+        left, ended = k.newton_solve(tables, far, q, frames, 4)
         assert ended
     assert left > 0.3
 
@@ -102,7 +98,7 @@ def test_manipulability(arm: Arm) -> None:
     assert k.manipulability(jac) == pytest.approx(np.sqrt(np.linalg.det(jac @ jac.T)), rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", [DesiredJointPositions, JointLimits, Manipulability, CollisionAvoidanceSphere])
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 def test_objective_is_the_slope_of_its_cost(arm: Arm, kind: type) -> None:
     random = np.random.default_rng(1)
     objective = kind(arm)

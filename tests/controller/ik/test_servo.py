@@ -10,8 +10,8 @@ from rackhand.services.controller.ik import (
     Arm,
     DifferentialIk,
     ObjectiveError,
-    Settings,
     Solver,
+    SolverSettings,
     Zone,
     forward,
     load_arm,
@@ -56,7 +56,7 @@ def test_settles_half_a_radian_in_half_a_second(arm: Arm, dt: float) -> None:
 @settings(max_examples=25, deadline=None)
 @given(st.sampled_from(sorted(_ARMS)), st.integers(0, 2**32 - 1), st.floats(0.05, 30.0), st.booleans())
 def test_no_reference_breaks_a_limit(name: str, seed: int, speed: float, rows: bool) -> None:
-    """Random streams, also absurdly fast and far ones that jump: `follow` checks every limit at every tick."""
+    """Random streams, also absurdly fast and far ones that jump: ``follow`` checks every limit at every tick."""
     arm, random = _ARMS[name], np.random.default_rng(seed)
     ik = DifferentialIk(arm, 0.004)
     if rows:
@@ -123,7 +123,7 @@ def test_wrist_singularity_slows_along_the_task(ur5e: Arm) -> None:
 
 def test_twist_near_a_singularity_keeps_its_direction(ur5e: Arm) -> None:
     """A twist that would need ten times the joints' speed is slowed as a whole."""
-    ik = DifferentialIk(ur5e, 0.004, Settings(singular_damping=0.0))
+    ik = DifferentialIk(ur5e, 0.004, SolverSettings(singular_damping=0.0))
     q, v = ur5e.home.copy(), np.zeros(6)
     q[4] = -0.05
     twist = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
@@ -141,7 +141,7 @@ def test_twist_near_a_singularity_keeps_its_direction(ur5e: Arm) -> None:
 
 def test_rows_keep_the_arm_out_of_and_in_its_zones(arm: Arm) -> None:
     """A target inside a forbidden sphere, and one outside of the permitted: no gap closes, nothing chatters."""
-    ik = DifferentialIk(arm, 0.004, Settings(collision_margin=0.0))
+    ik = DifferentialIk(arm, 0.004, SolverSettings(collision_margin=0.0))
     start = ik.forward(arm.home)
     obstacle = Zone(tuple(start[:, 3] + np.array([0.0, 0.25, 0.0])), 0.1)
     ik.set_zones([obstacle, Zone((0.0, 0.0, 0.3), 0.7, keep_in=True)], self_collision=True)

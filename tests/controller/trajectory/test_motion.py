@@ -29,7 +29,7 @@ SLOW = TaskLimits(np.full(6, 0.25), np.full(6, 1.0))
 FAST = TaskLimits(np.full(6, 1.5), np.full(6, 8.0))
 
 
-def way_points(seed: int) -> Array:
+def waypoints(seed: int) -> Array:
     rng = np.random.default_rng(seed)
     middle, half = (FR3_LIMITS.upper + FR3_LIMITS.lower) / 2, (FR3_LIMITS.upper - FR3_LIMITS.lower) / 2
     scale = rng.choice([0.05, 0.3, 1.0])
@@ -37,7 +37,7 @@ def way_points(seed: int) -> Array:
 
 
 def moving(seed: int) -> Motion:
-    return start_joints(0.0, joint_path(way_points(seed), TOLERANCE), FREE, PLANNING)
+    return start_joints(0.0, joint_path(waypoints(seed), TOLERANCE), FREE, PLANNING)
 
 
 def square(task: TaskLimits, side: float = 0.3) -> tuple[Motion, list[TcpPose]]:
@@ -63,7 +63,7 @@ def test_velocity_acceleration_and_jerk_stay_within_their_limits(seed: int) -> N
     seen = record(motion.at, 0.0, motion.end)
     assert max(seen.use(FR3_LIMITS)) <= KEPT
     assert seen.jumps()[0] < 1e-6
-    points = way_points(seed)
+    points = waypoints(seed)
     assert np.abs(seen.q[0] - points[0]).max() < 1e-12
     assert np.abs(motion.at(motion.end).q - points[-1]).max() < 1e-9
     assert np.abs(motion.at(motion.end).dq).max() < 1e-9
@@ -73,10 +73,10 @@ def test_velocity_acceleration_and_jerk_stay_within_their_limits(seed: int) -> N
 
 @settings(max_examples=12, deadline=None)
 @given(SEEDS)
-def test_it_does_not_stop_between_way_points(seed: int) -> None:
+def test_it_does_not_stop_between_waypoints(seed: int) -> None:
     motion = moving(seed)
     inner = record(motion.at, 0.1 * motion.end, 0.9 * motion.end)
-    assert np.linalg.norm(inner.dq, axis=1).min() > 0 or len(way_points(seed)) > 2
+    assert np.linalg.norm(inner.dq, axis=1).min() > 0 or len(waypoints(seed)) > 2
     assert (np.diff([motion.at(t).s for t in np.linspace(0, motion.end, 50)]) >= -1e-12).all()
 
 
@@ -106,7 +106,7 @@ def test_pause_and_resume_reach_the_end_of_the_path(seed: int, part: float, of_s
     again = t + of_stop * (stopped.end - t)
     resumed = stopped.resumed(again)
     changed(stopped, resumed, again, t)
-    assert np.abs(resumed.at(resumed.end).q - way_points(seed)[-1]).max() < 1e-9
+    assert np.abs(resumed.at(resumed.end).q - waypoints(seed)[-1]).max() < 1e-9
 
 
 @settings(max_examples=12, deadline=None)
@@ -120,7 +120,7 @@ def test_an_override_scales_velocities_and_keeps_the_path(seed: int, part: float
     # the slack of the plan's check, which is a share of the whole limit, some more.
     settled = min(slower.end - 0.01, t + 1.0)
     assert record(slower.at, settled, slower.end).use(FR3_LIMITS)[0] <= rate * 1.05 + motion.planning.slack
-    assert np.abs(slower.at(slower.end).q - way_points(seed)[-1]).max() < 1e-9
+    assert np.abs(slower.at(slower.end).q - waypoints(seed)[-1]).max() < 1e-9
 
 
 @settings(max_examples=12, deadline=None)
@@ -128,14 +128,14 @@ def test_an_override_scales_velocities_and_keeps_the_path(seed: int, part: float
 def test_appended_points_splice_in_smoothly(seed: int, more_seed: int, part: float) -> None:
     motion = moving(seed)
     t = part * motion.end
-    more = np.vstack([motion.curve.q[-1], way_points(more_seed)])
+    more = np.vstack([motion.curve.q[-1], waypoints(more_seed)])
     spliced = extend_joints(motion, t, joint_path(more, TOLERANCE, motion.curve.end), TOLERANCE, FREE)
     changed(motion, spliced, t, max(0.0, t - 0.05))
     assert np.abs(spliced.at(spliced.end).q - more[-1]).max() < 1e-9
 
 
 def test_appending_in_time_does_not_stop_and_costs_what_one_path_costs() -> None:
-    points = way_points(12)
+    points = waypoints(12)
     together = start_joints(0.0, joint_path(points, TOLERANCE), FREE, PLANNING)
     first = start_joints(0.0, joint_path(points[:-1], TOLERANCE), FREE, PLANNING)
     tail = joint_path(points[-2:], TOLERANCE, first.curve.end)
@@ -146,7 +146,7 @@ def test_appending_in_time_does_not_stop_and_costs_what_one_path_costs() -> None
 
 def test_appending_too_late_finishes_the_old_path_first() -> None:
     motion = moving(12)
-    more = joint_path(np.vstack([motion.curve.q[-1], way_points(13)]), TOLERANCE, motion.curve.end)
+    more = joint_path(np.vstack([motion.curve.q[-1], waypoints(13)]), TOLERANCE, motion.curve.end)
     t = motion.end - 0.06
     spliced = extend_joints(motion, t, more, TOLERANCE, FREE)
     assert spliced.path.legs.stop.any()
@@ -250,7 +250,7 @@ def test_a_wrist_singularity_slows_the_motion_and_is_passed_within_the_limits() 
 
 def test_task_limits_hold_on_joint_paths_too_where_they_are_given() -> None:
     limits = PathLimits(FR3_LIMITS, SLOW)
-    motion = start_joints(0.0, joint_path(way_points(12), TOLERANCE), limits, PLANNING, FR3)
+    motion = start_joints(0.0, joint_path(waypoints(12), TOLERANCE), limits, PLANNING, FR3)
     for t in np.arange(0.0, motion.end, 0.05):
         sample = motion.at(t)
         assert np.linalg.norm((FR3.jacobian(sample.q) @ sample.dq)[:3]) <= 1.01 * SLOW.velocity[0]

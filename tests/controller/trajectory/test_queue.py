@@ -109,12 +109,12 @@ def test_a_refused_path_changes_nothing() -> None:
 
 
 def test_refusals_say_which_way_point_and_by_how_much() -> None:
-    with pytest.raises(PathRefused, match=r"way-point 1: joint \d at .* rad is .* rad outside"):
+    with pytest.raises(PathRefused, match=r"waypoint 1: joint \d at .* rad is .* rad outside"):
         IDLE.append_joints(0.0, [*joints(0.1), UR5E_HOME + 20.0])
-    with pytest.raises(PathRefused, match="way-point 0: it has 5 numbers, the arm 6 joints"):
+    with pytest.raises(PathRefused, match="waypoint 0: it has 5 numbers, the arm 6 joints"):
         IDLE.append_joints(0.0, [np.zeros(5)])
     # The first of the three is where the arm is: left out, and still counted.
-    with pytest.raises(PathRefused, match="way-point 2: out of reach") as refused:
+    with pytest.raises(PathRefused, match="waypoint 2: out of reach") as refused:
         task(IDLE, 0.0, (0.0, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 5.0, 0.0))
     assert refused.value.point == 2
 

@@ -14,7 +14,7 @@ from rackhand.services.controller.trajectory.topp import controllable, drive
 from tests.controller.trajectory.arms import FR3_LIMITS, UR5E_LIMITS
 
 
-def way_points(seed: int, n: int = 5) -> Array:
+def waypoints(seed: int, n: int = 5) -> Array:
     rng = np.random.default_rng(seed)
     middle, half = (FR3_LIMITS.upper + FR3_LIMITS.lower) / 2, (FR3_LIMITS.upper - FR3_LIMITS.lower) / 2
     return np.asarray(middle + half * rng.uniform(-0.8, 0.8, (n, 7)))
@@ -33,7 +33,7 @@ def test_a_straight_line_takes_the_time_of_the_textbook() -> None:
 
 def test_the_controllable_set_is_that_of_the_linear_programs() -> None:
     """The Newton iteration against scipy's simplex on the same two-variable programs."""
-    curve = joint_path(way_points(1), Tolerance()).curve()
+    curve = joint_path(waypoints(1), Tolerance()).curve()
     lines = rows(curve, FR3_LIMITS, Planning(grid=0.1, pieces=4))
     c = np.ones(lines.s.size)
     ceiling = 1 / lines.speed**2
@@ -53,7 +53,7 @@ def test_the_controllable_set_is_that_of_the_linear_programs() -> None:
 
 
 def test_the_driven_phase_keeps_every_row_and_ends_at_rest() -> None:
-    curve = joint_path(way_points(2), Tolerance()).curve()
+    curve = joint_path(waypoints(2), Tolerance()).curve()
     lines = rows(curve, FR3_LIMITS, Planning())
     c, ceiling = np.ones(lines.s.size), 1 / lines.speed**2
     ceiling[-1] = 0.0
@@ -104,7 +104,7 @@ def test_a_corner_taken_at_rest_waits_for_the_filter() -> None:
 
 
 def test_what_is_cut_and_joined_is_the_same_phase() -> None:
-    curve = joint_path(way_points(3), Tolerance()).curve()
+    curve = joint_path(waypoints(3), Tolerance()).curve()
     planning = Planning()
     law = plan(curve, rows(curve, FR3_LIMITS, planning), planning).law
     head = law.cut(0.7, planning.smoothing.total)
@@ -120,7 +120,7 @@ def test_what_is_cut_and_joined_is_the_same_phase() -> None:
 def test_the_motion_is_near_the_bound_of_its_own_path(seed: int) -> None:
     """Filter and margins cost less than 3 % over the unfiltered optimum at the full limits, and the filter's length."""
     planning = Planning()
-    curve = joint_path(way_points(seed), Tolerance()).curve()
+    curve = joint_path(waypoints(seed), Tolerance()).curve()
     lines = rows(curve, FR3_LIMITS, planning)
     bold = dataclasses.replace(planning, velocity=1.0, acceleration=1.0, rounds=0)
     bound = plan(curve, lines, bold).law.end
@@ -132,14 +132,14 @@ def test_the_motion_is_near_the_bound_of_its_own_path(seed: int) -> None:
 def test_a_low_jerk_limit_is_kept_by_slowing_down() -> None:
     low = dataclasses.replace(FR3_LIMITS, jerk=np.full(7, 250.0))
     planning = Planning()
-    curve = joint_path(way_points(8), Tolerance()).curve()
+    curve = joint_path(waypoints(8), Tolerance()).curve()
     timed = plan(curve, rows(curve, low, planning), planning)
     assert plan(curve, rows(curve, low, planning), dataclasses.replace(planning, rounds=0)).use[2] > 1.25
     assert timed.use[2] <= 1.02
 
 
 def test_planning_is_deterministic() -> None:
-    curve = joint_path(way_points(5), Tolerance()).curve()
+    curve = joint_path(waypoints(5), Tolerance()).curve()
     first, second = (plan(curve, rows(curve, FR3_LIMITS, Planning()), Planning(), at_rest(0.0, 0.0)) for _ in range(2))
     assert np.array_equal(first.law.t, second.law.t)
     assert np.array_equal(first.law.s, second.law.s)

@@ -33,10 +33,10 @@ def error(plant: Plant, goal: Goal) -> tuple[float, float]:
 
 def test_twenty_goals_are_reached_and_nothing_is_touched(begin) -> None:
     walker = Walker(LOOP, 1.0, polite=True)
-    navigator, plant = begin(HALL, pose=(1.5, 1.5, 0.0), crates=CRATES, walkers=(walker,), seed=7)
+    robot, plant = begin(HALL, pose=(1.5, 1.5, 0.0), crates=CRATES, walkers=(walker,), seed=7)
     errors = []
     for goal in free_goals(7, 20):
-        run(navigator, plant, goal, 120)
+        run(robot, plant, goal, 120)
         errors.append(error(plant, goal))
     assert plant.contacts == []
     distance, yaw = np.max(errors, axis=0)

@@ -71,10 +71,10 @@ def test_a_patch_waits_for_the_next_selection(cell: Cell) -> None:
     assert (patched.create_time, patched.last_modified_time) == (0, UNIX_NS // 10**9 + 5)
     running = data_of(cell, GetMap())
     assert (running.map_name, running.overlays_version) == ("hall", 0)
-    assert cell.navigator.map == running
+    assert cell.motion.map == running
     assert len(cell.heard(topics.MAP)) == 1
     cell.ask_maps(SelectMap(id=1))
-    assert data_of(cell, GetMap()) == patched == cell.navigator.map == cell.heard(topics.MAP)[-1].map
+    assert data_of(cell, GetMap()) == patched == cell.motion.map == cell.heard(topics.MAP)[-1].map
 
 
 def test_a_patch_does_not_touch_a_running_move(cell: Cell) -> None:
@@ -93,7 +93,7 @@ def test_select_by_uid_and_clear(cell: Cell) -> None:
         cell.ask_maps(SelectMap(id=1, uid="abc"))
     assert data_of(cell, GetMap()) == second
     assert cell.ask_maps(SelectMap()).data is None
-    assert cell.navigator.map is None
+    assert cell.motion.map is None
     assert cell.heard(topics.MAP)[-1].map is None
     with pytest.raises(RequestRefused, match="no map is in use") as refused:
         cell.ask_maps(GetMap())
@@ -103,7 +103,7 @@ def test_select_by_uid_and_clear(cell: Cell) -> None:
 def test_a_map_from_data_is_used_and_not_stored(cell: Cell) -> None:
     used = data_of(cell, UseMapData(map=a_map("given", overlays=WALL)))
     assert (used.id, used.map_name) == (-1, "given")
-    assert cell.navigator.map == used == data_of(cell, GetMap())
+    assert cell.motion.map == used == data_of(cell, GetMap())
     assert [row.map_name for row in cell.ask_maps(ListMaps()).maps] == ["hall"]
 
 
@@ -119,7 +119,7 @@ def test_the_choice_survives_a_restart(make_cell: Callable[..., Cell], tmp_path:
     used = data_of(first, UseMapData(map=a_map("given", overlays=WALL)))
     first.database.close()
     second = make_cell(path=tmp_path / "s.sqlite")
-    assert data_of(second, GetMap()) == used == second.navigator.map
+    assert data_of(second, GetMap()) == used == second.motion.map
     second.ask_maps(SelectMap())
     second.database.close()
     third = make_cell(path=tmp_path / "s.sqlite", with_map=False)
@@ -199,16 +199,16 @@ def test_good_overlays_pass(cell: Cell) -> None:
 def test_a_map_that_navigation_cannot_read_is_refused_and_the_old_one_stays(cell: Cell) -> None:
     move = cell.create()
     cell.ask_maps(a_map("second"))
-    cell.navigator.maps = [MoveFailed(MoveFailReason.GET_MAP_FAILED, "all of it is wall")]
+    cell.motion.maps = (MoveFailed(MoveFailReason.GET_MAP_FAILED, "all of it is wall"),)
     with pytest.raises(RequestRefused, match="cannot be driven by: all of it is wall"):
         cell.ask_maps(SelectMap(id=2))
-    assert cell.navigator.map == data_of(cell, GetMap())
+    assert cell.motion.map == data_of(cell, GetMap())
     assert data_of(cell, GetMap()).id == 1
     assert cell.get(move.id).state == "moving"
 
 
 def test_a_stored_map_that_cannot_be_read_at_the_start_fails_moves_with_2(cell: Cell) -> None:
-    cell.navigator.maps = [MoveFailed(MoveFailReason.GET_MAP_FAILED, "all of it is wall")]
+    cell.motion.maps = (MoveFailed(MoveFailReason.GET_MAP_FAILED, "all of it is wall"),)
     cell.chassis.reset("reset")
     move = cell.create()
     cell.tick()

@@ -14,12 +14,13 @@ from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import SelectMap
 from rackhand.schemas.moves import MOVE_TYPES, GetMove, ListMoves, MoveRequest
 from rackhand.schemas.refusal import RequestRefused
-from rackhand.services.planner.behaviors.procedures import PROCEDURES
+from rackhand.services.planner.behaviors.registry import BEHAVIORS
+from rackhand.services.planner.chassis import ChassisSettings
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL
+from rackhand.services.planner.jacking import TIME_LIMIT_NS
 from rackhand.services.planner.moves.book import TARGET_MISSING
-from rackhand.services.planner.planning.goals import Goal
-from tests.planner.fakes import ARRIVED, FORWARD, UNIX_NS, Cell, driving
+from tests.planner.fakes import ARRIVED, FORWARD, STEP, UNIX_NS, Cell, driving
 
 
 def test_a_move_is_moving_in_the_answer_and_before_it_was_told(cell: Cell) -> None:
@@ -30,18 +31,18 @@ def test_a_move_is_moving_in_the_answer_and_before_it_was_told(cell: Cell) -> No
     assert move.create_time == move.last_modified_time == (UNIX_NS + cell.stamp) // NANOSECONDS == 1_700_000_001
     assert cell.planning().move_state == "moving"
     assert cell.planning().action_id == move.id
-    assert cell.navigator.goals == [], "asking must not cost a plan"
+    assert cell.script.requests == [], "asking must not cost a plan"
 
 
 def test_a_move_drives_and_succeeds(cell: Cell) -> None:
-    cell.navigator.ticks = [*[driving(2.0)] * 6, ARRIVED]
+    cell.script.ticks = [*[driving(2.0)] * 6, ARRIVED]
     move = cell.create(target_ori=0.5, target_accuracy=0.2, use_target_zone=True, properties={"inplace_rotate": True})
     assert cell.tick().twist == FORWARD
-    goal = cell.navigator.goals[0]
-    assert goal == Goal(x=3.0, y=0.0, yaw=0.5, accuracy=0.2, zone=True, rotate_in_place=True)
+    (request,) = cell.script.requests
+    assert (request.target_x, request.target_ori, request.target_accuracy) == (3.0, 0.5, 0.2)
     cell.tick(5)
     assert cell.planning().remaining_distance == 2.0
-    assert cell.tick().twist == STANDSTILL
+    assert cell.tick().twist.linear == pytest.approx(FORWARD.linear - 2.0 * 0.04), "it brakes"
     assert cell.get(move.id).state == "succeeded"
     assert cell.planning().move_state == "succeeded"
     assert cell.events() == ["created", "succeeded"]
@@ -96,13 +97,13 @@ def test_moves_that_need_no_point_are_accepted_without(cell: Cell, fields: dict[
 def test_target_ori_alone_keeps_the_place(cell: Cell) -> None:
     cell.create(target_x=None, target_y=None, target_ori=1.0)
     cell.tick()
-    goal = cell.navigator.goals[0]
-    assert (goal.x, goal.y, goal.yaw) == (None, None, 1.0)
+    (request,) = cell.script.requests
+    assert (request.target_x, request.target_y, request.target_ori) == (None, None, 1.0)
 
 
 @pytest.mark.parametrize("kind", MOVE_TYPES)
 def test_every_type_is_accepted_and_ends_honestly(cell: Cell, kind: str) -> None:
-    cell.navigator.ticks = [ARRIVED]
+    cell.script.ticks = [ARRIVED]
     move = cell.create(type=kind)
     cell.tick()
     ended = cell.get(move.id)
@@ -113,7 +114,7 @@ def test_every_type_is_accepted_and_ends_honestly(cell: Cell, kind: str) -> None
     else:
         assert (ended.state, ended.fail_reason) == ("failed", MoveFailReason.UNKNOWN)
         assert ended.fail_message == f"moves of type {kind} are not available in this version"
-        assert kind not in PROCEDURES
+        assert kind not in BEHAVIORS
 
 
 def test_a_new_move_replaces_the_running_one(cell: Cell) -> None:
@@ -122,9 +123,9 @@ def test_a_new_move_replaces_the_running_one(cell: Cell) -> None:
     second = cell.create(target_x=-1.0)
     assert second.id > first.id
     old = cell.get(first.id)
-    assert (old.state, old.fail_reason, old.fail_message) == ("cancelled", 0, "")
+    assert (old.state, old.fail_reason, old.fail_message) == ("cancelled", 0, "replaced by a newer move")
     assert cell.tick().twist == FORWARD, "it goes on driving"
-    assert [goal.x for goal in cell.navigator.goals] == [3.0, -1.0]
+    assert [request.target_x for request in cell.script.requests] == [3.0, -1.0]
     assert cell.events() == ["created", "replaced", "created"]
     states = [(s.action_id, s.move_state) for s in cell.heard(topics.PLANNING_STATE) if s.action_id]
     assert states[0] == (first.id, "moving")
@@ -153,7 +154,7 @@ def test_cancelling_what_is_not_there(cell: Cell, move_id: int | None, text: str
 
 
 def test_navigation_s_failure_is_the_move_s(cell: Cell) -> None:
-    cell.navigator.ticks = [
+    cell.script.ticks = [
         driving(),
         MoveFailed(MoveFailReason.MOVE_TIMEOUT, "blocked for 60 s at (1, 2)"),
     ]
@@ -169,7 +170,7 @@ def test_navigation_s_failure_is_the_move_s(cell: Cell) -> None:
 
 @pytest.mark.parametrize("reason", [3, 4, 5, 6, 7, 9, 11])
 def test_a_hopeless_target_is_accepted_and_fails(cell: Cell, reason: int) -> None:
-    cell.navigator.starts = [MoveFailed(MoveFailReason(reason), "why")]
+    cell.script.ticks = [MoveFailed(MoveFailReason(reason), "why")]
     move = cell.create()
     assert move.state == "moving"
     cell.tick()
@@ -221,7 +222,7 @@ def test_a_lost_driver_fails_it_with_1000_and_the_next_one_works(cell: Cell) -> 
     assert cell.heard(topics.CHASSIS_STATUS)[-1].driver_alive is False
     cell.stamp, cell.twist = -40_000_000, STANDSTILL
     cell.chassis.set_driver_fault("")
-    cell.navigator.ticks = [ARRIVED]
+    cell.script.ticks = [ARRIVED]
     move = cell.create()
     cell.tick()
     assert cell.get(move.id).state == "succeeded"
@@ -242,7 +243,7 @@ def test_a_lost_position_stops_it_and_fails_it_only_if_it_lasts(cell: Cell) -> N
     cell.tick(260)
     ended = cell.get(move.id)
     assert (ended.state, ended.fail_reason) == ("failed", 1000)
-    assert ended.fail_message == "the localiser has lost the position; the move stood for 10 s"
+    assert ended.fail_message == "the localiser has lost the position; the move waited for 10 s"
 
 
 def test_short_losses_of_the_position_do_not_add_up(cell: Cell) -> None:
@@ -261,11 +262,11 @@ def test_a_pose_of_the_former_run_is_not_driven_by(cell: Cell) -> None:
     cell.stamp, cell.pose_alive = -40_000_000, False
     cell.create()
     cell.tick(5)
-    assert cell.navigator.goals == []
+    assert cell.script.steps == 0
 
 
-def test_an_error_in_a_tick_fails_the_move_with_1002_and_brakes(cell: Cell) -> None:
-    cell.navigator.ticks = [driving(), ZeroDivisionError("by zero")]
+def test_an_error_in_a_tick_fails_the_move_with_1002_and_brakes(cell: Cell, monkeypatch: pytest.MonkeyPatch) -> None:
+    cell.script.ticks = [driving(), ZeroDivisionError("by zero")]
     move = cell.create()
     cell.tick()
     with pytest.raises(ZeroDivisionError) as raised:
@@ -275,27 +276,62 @@ def test_an_error_in_a_tick_fails_the_move_with_1002_and_brakes(cell: Cell) -> N
     assert command.answers == cell.stamp
     assert (cell.get(move.id).fail_reason, cell.get(move.id).fail_message) == (1002, "ZeroDivisionError: by zero")
     assert cell.planning().fail_reason == 1002
-    cell.navigator.observing = ValueError("broken for good")
+    monkeypatch.setattr(cell.motion, "perceive", None)  # broken for good
     for _ in range(20):
         command = cell.chassis.fail_internally(raised.value)
     assert command.twist == STANDSTILL
 
 
-def test_the_jack_and_moves_exclude_each_other(make_cell: Callable[..., Cell]) -> None:
-    cell = make_cell(jack=Jack(stamp=0, state="hold", progress=0.0, weight=0.0))
-    move = cell.create()
-    with pytest.raises(RequestRefused, match=f"move {move.id} runs") as refused:
-        cell.ask(JackRequest(direction="up"))
-    assert refused.value.code == "precondition"
-    cell.cancel()
+def jack(state: Any, progress: float) -> Jack:
+    return Jack(stamp=0, state=state, progress=progress, weight=0.0)
+
+
+def test_a_move_asked_for_while_the_jack_travels_starts_when_it_has_arrived(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell(jack=jack("hold", 0.0))
     cell.ask(JackRequest(direction="up"))
-    with pytest.raises(RequestRefused, match="the jack is going up") as refused:
+    cell.tick()
+    cell.jack = jack("jacking_up", 0.4)
+    move = cell.create()
+    assert (move.state, cell.get(move.id).state) == ("moving", "moving")
+    for _ in range(100):
+        command = cell.tick()
+        assert (command.twist, command.jack) == (STANDSTILL, "up")
+    assert cell.planning().message == "the jack is going up; the move starts when it has arrived"
+    assert (cell.planning().move_state, cell.planning().stuck_state) == ("moving", "none")
+    cell.jack = jack("hold", 1.0)
+    cell.tick(2)
+    assert cell.twist == FORWARD
+    assert cell.planning().message == ""
+
+
+def test_a_move_that_waits_for_a_jack_that_does_not_arrive_fails(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell(jack=jack("hold", 0.2))
+    cell.ask(JackRequest(direction="up"))
+    move = cell.create()
+    cell.tick(TIME_LIMIT_NS // STEP + 5)
+    ended = cell.get(move.id)
+    assert (ended.state, ended.fail_reason) == ("failed", MoveFailReason.PLATFORM_ALERT_ERROR)
+    assert ended.fail_message == "the jack was to go up and is at 20% after 40 s"
+
+
+def test_a_setting_refuses_moves_while_the_jack_travels(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell(jack=jack("hold", 0.0), settings=ChassisSettings(refuse_moves_while_jacking=True))
+    cell.ask(JackRequest(direction="up"))
+    with pytest.raises(RequestRefused, match="the jack is going up; wait until it has arrived") as refused:
         cell.create()
     assert refused.value.code == "precondition"
 
 
+def test_the_jack_does_not_start_while_a_move_runs(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell(jack=jack("hold", 0.0))
+    move = cell.create()
+    with pytest.raises(RequestRefused, match=f"move {move.id} runs") as refused:
+        cell.ask(JackRequest(direction="up"))
+    assert refused.value.code == "precondition"
+
+
 def test_stuck_is_told_as_state_alert_and_event(cell: Cell) -> None:
-    cell.navigator.ticks = [driving(), driving(stuck_state="move_stucked"), driving(stuck_state="move_stucked")]
+    cell.script.ticks = [driving(), driving(stuck_state="move_stucked"), driving(stuck_state="move_stucked")]
     cell.create()
     cell.tick(2)
     assert cell.planning().stuck_state == "move_stucked"
@@ -317,7 +353,7 @@ def test_the_list_is_newest_first_and_pages(cell: Cell) -> None:
 
 
 def test_planning_state_and_path_rates(cell: Cell) -> None:
-    cell.navigator.ticks = [driving(10 - 0.02 * i) for i in range(100)]
+    cell.script.ticks = [driving(10 - 0.02 * i) for i in range(100)]
     cell.create()
     before = len(cell.heard(topics.PLANNING_STATE)), len(cell.heard(topics.PATH))
     cell.tick(100)  # 4 s

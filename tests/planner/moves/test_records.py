@@ -53,7 +53,11 @@ class Moves(RuleBasedStateMachine):
         assert (replaced is None) == (running is None)
         if running is not None:
             self.told[running.id] = running.model_copy(
-                update={"state": "cancelled", "last_modified_time": max(self.now, running.create_time)}
+                update={
+                    "state": "cancelled",
+                    "fail_message": "replaced by a newer move",
+                    "last_modified_time": max(self.now, running.create_time),
+                }
             )
         self.told[move.id] = move
 

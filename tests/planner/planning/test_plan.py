@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from rackhand.schemas.base import Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
-from rackhand.services.planner.behaviors.navigator import ChassisNavigator
 from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.planning.goals import Goal
+from rackhand.services.planner.planning.plan import GlobalPlanner, Plan, Target
 from rackhand.services.planner.settings import NavigationSettings
 from tests.planner.map.test_grid import feature
-from tests.planner.plant import Hall, box, keep_on, run
+from tests.planner.plant import BODY, Hall, Robot, box, keep_on, run
 
 
 def bent_corridor(width: float) -> Hall:
@@ -37,41 +36,36 @@ def straight_corridor(width: float) -> Hall:
     return Hall(12, 8, [box(5.5, (4 - half) / 2, 5, 4 - half), box(5.5, (12 + half) / 2, 5, 4 - half)])
 
 
+def plan_of(robot: Robot, target: Target) -> Plan:
+    planner = GlobalPlanner(robot.costmap.static.geometry, Footprint.of(BODY), robot.motion.settings)
+    return planner.plan(robot.motion.perception.pose, target, robot.costmap.blocked())
+
+
 def refused(begin, goal: Goal, reason: Reason, **where: object) -> str:
-    """Refused before a wheel turns: by ``start``, or by a tick soon after for what needs a long search."""
-    navigator, plant = begin(**where)
+    """Fails before a wheel turns."""
+    robot, plant = begin(**where)
     with pytest.raises(MoveFailed) as failed:
-        navigator.start(goal, plant.observe())
-        keep_on(navigator, plant, 5)
+        robot.start(goal)
+        keep_on(robot, plant, 5)
     assert failed.value.reason is reason, failed.value.text
     assert all(abs(command.linear) + abs(command.angular) < 1e-9 for _, command in plant.commands)
     return failed.value.text
 
 
-def test_no_map(begin) -> None:
-    navigator, plant = begin()
-    navigator.set_map(None)
-    with pytest.raises(MoveFailed) as failed:
-        navigator.start(Goal(3.0, 3.0), plant.observe())
-    assert failed.value.reason is Reason.GET_MAP_FAILED
-
-
 def test_bad_map_leaves_none(begin) -> None:
-    navigator, plant = begin()
+    robot, plant = begin()
     with pytest.raises(MoveFailed) as failed:
-        navigator.set_map(plant.hall.map().model_copy(update={"png": b"x"}))
+        robot.motion.set_map(plant.hall.map().model_copy(update={"png": b"x"}))
     assert failed.value.reason is Reason.GET_MAP_FAILED
-    with pytest.raises(MoveFailed, match="no map"):
-        navigator.start(Goal(3.0, 3.0), plant.observe())
+    assert robot.motion.perception.costmap is None
 
 
-def test_start_out_of_map() -> None:
-    from tests.planner.plant import Plant
-
-    navigator, plant = ChassisNavigator(), Plant(Hall(10, 8), (1.5, 4.0, 0.0))
-    navigator.set_map(plant.hall.map().model_copy(update={"origin": (3.0, 0.0)}))
-    with pytest.raises(MoveFailed) as failed:
-        navigator.start(Goal(5.0, 4.0), plant.observe())
+def test_start_out_of_map(begin) -> None:
+    robot, plant = begin()
+    robot.motion.set_map(plant.hall.map().model_copy(update={"origin": (3.0, 0.0)}))
+    robot.start(Goal(5.0, 4.0))
+    with pytest.raises(MoveFailed, match="outside the map") as failed:
+        robot.tick()
     assert failed.value.reason is Reason.STARTING_POINT_OUT_OF_MAP
 
 
@@ -93,22 +87,30 @@ def test_goal_not_in_ground(begin, goal: Goal) -> None:
 
 
 def test_goal_near_a_wall_is_fine_along_it(begin) -> None:
-    navigator, plant = begin()
-    run(navigator, plant, Goal(5.0, 5.32, 0.0), 60)
+    robot, plant = begin()
+    run(robot, plant, Goal(5.0, 5.32, 0.0), 60)
     assert plant.contacts == []
 
 
-def test_start_is_goal(begin) -> None:
-    refused(begin, Goal(1.5, 4.0, 0.0), Reason.STARTING_EQUAL_ENDING)
-    refused(begin, Goal(1.5, 4.0), Reason.STARTING_EQUAL_ENDING)
-    refused(begin, Goal(yaw=0.0), Reason.STARTING_EQUAL_ENDING)
+@pytest.mark.parametrize(
+    "goal", [Goal(1.5, 4.0, 0.0), Goal(1.5, 4.0), Goal(yaw=0.0), Goal(1.5, 4.0, 0.0, rotate_in_place=True)]
+)
+def test_a_goal_where_the_chassis_is_succeeds_at_once(begin, goal: Goal) -> None:
+    robot, plant = begin()
+    assert len(run(robot, plant, goal, 1)) == 1
+    assert all(command == STANDSTILL for _, command in plant.commands)
 
 
-def test_start_is_not_goal_with_another_heading_or_a_zone(begin) -> None:
-    navigator, plant = begin()
-    run(navigator, plant, Goal(1.5, 4.0, 0.3), 20)
-    navigator, plant = begin()
-    assert len(run(navigator, plant, Goal(1.5, 4.0, zone=True, accuracy=0.5), 1)) == 1
+def test_nothing_to_drive_and_nothing_to_turn_to(begin) -> None:
+    text = refused(begin, Goal(1.5, 4.0, rotate_in_place=True), Reason.STARTING_EQUAL_ENDING)
+    assert "inplace_rotate without target_ori" in text
+
+
+def test_another_heading_is_turned_to_and_a_zone_reached_is_enough(begin) -> None:
+    robot, plant = begin()
+    run(robot, plant, Goal(1.5, 4.0, 0.3), 20)
+    robot, plant = begin()
+    assert len(run(robot, plant, Goal(1.5, 4.0, zone=True, accuracy=0.5), 1)) == 1
 
 
 def test_roads_not_connected(begin) -> None:
@@ -122,8 +124,8 @@ def test_search_out_of_budget(begin) -> None:
     refused(begin, Goal(9.0, 4.0), Reason.CALCULATION_TIMEOUT, settings=settings)
     # Enough for the cells of the field, not for the states of the search with the body.
     hall = bent_corridor(0.65)
-    navigator, _ = begin(hall)
-    cells = int((~navigator._around.static.blocked).sum())
+    robot, _ = begin(hall)
+    cells = int((~robot.costmap.static.blocked).sum())
     settings = NavigationSettings(max_expansions=cells)
     refused(begin, Goal(7.0, 7.0), Reason.CALCULATION_TIMEOUT, hall=hall, settings=settings)
 
@@ -134,26 +136,25 @@ def test_the_circle_has_a_way_and_the_body_none(begin) -> None:
 
 
 def test_tight_bend_is_driven(begin) -> None:
-    navigator, plant = begin(bent_corridor(0.8))
-    navigator.start(Goal(7.0, 7.0, 1.57), plant.observe())
-    assert navigator._run.route.plan.tight
-    keep_on(navigator, plant, 60)
+    robot, plant = begin(bent_corridor(0.8))
+    assert plan_of(robot, Target(7.0, 7.0, 1.57)).tight
+    run(robot, plant, Goal(7.0, 7.0, 1.57), 60)
     assert plant.contacts == []
 
 
 def test_out_of_a_corridor_backward_and_in_again(begin) -> None:
-    navigator, plant = begin(straight_corridor(0.7), pose=(5.5, 4.0, 0.0))
+    robot, plant = begin(straight_corridor(0.7), pose=(5.5, 4.0, 0.0))
     for goal in (Goal(1.5, 4.0, 0.0), Goal(5.5, 4.0, 0.0)):
-        run(navigator, plant, goal, 60)
+        run(robot, plant, goal, 60)
     assert plant.contacts == []
 
 
 def test_unmapped_things_seal_the_way_for_longer_than_patience(begin) -> None:
     settings = NavigationSettings(sealed_patience=2.0)
     gate = Hall(10, 8, [box(6, 2, 0.3, 3), box(6, 6, 0.3, 3)])
-    navigator, plant = begin(gate, settings=settings, crates=(box(6.0, 4.0, 0.6, 0.9),))
-    with pytest.raises(MoveFailed, match="unmapped") as failed:
-        run(navigator, plant, Goal(8.5, 4.0), 10)
+    robot, plant = begin(gate, settings=settings, crates=(box(6.0, 4.0, 0.6, 0.9),))
+    with pytest.raises(MoveFailed, match="observed obstacles block every path") as failed:
+        run(robot, plant, Goal(8.5, 4.0), 10)
     assert failed.value.reason is Reason.NO_GLOBAL_PATH
     assert plant.seconds == pytest.approx(2.4, abs=0.7)
 
@@ -162,26 +163,22 @@ def test_a_crate_that_vanished_while_idle_does_not_block(begin) -> None:
     from tests.planner.plant import idle
 
     gate = Hall(10, 8, [box(6, 2, 0.3, 3), box(6, 6, 0.3, 3)])
-    navigator, plant = begin(gate, crates=(box(6.0, 4.0, 0.6, 0.9),))
+    robot, plant = begin(gate, crates=(box(6.0, 4.0, 0.6, 0.9),))
     plant.crates = []
-    idle(navigator, plant, 0.4)
-    navigator.start(Goal(8.5, 4.0), plant.observe())
-    assert navigator._run.route is not None
+    idle(robot, plant, 0.4)
+    assert plan_of(robot, Target(8.5, 4.0, None)).length == pytest.approx(7.0, abs=0.3)
 
 
 def test_virtual_wall_is_gone_round(begin) -> None:
     hall = Hall(10, 8, overlays=[feature("LineString", [[5, 0], [5, 6]], lineType="2")])
-    navigator, plant = begin(hall)
-    navigator.start(Goal(8.5, 4.0), plant.observe())
-    path = navigator._run.route.ahead()
+    robot, _ = begin(hall)
+    (segment,) = plan_of(robot, Target(8.5, 4.0, None)).segments
+    path = segment.points
     assert path[np.abs(path[:, 0] - 5.0).argmin(), 1] > 6.2
 
 
 def test_the_same_inputs_give_the_same_plan(begin) -> None:
-    paths = []
-    for _ in range(2):
-        navigator, plant = begin()
-        seen = replace(plant.observe(), pose=Pose2(x=1.5, y=4.0, yaw=0.0))
-        navigator.start(Goal(8.5, 4.0), seen)
-        paths.append(navigator._run.route.ahead())
-    assert np.array_equal(*paths)
+    robot, _ = begin()
+    first, second = (plan_of(robot, Target(8.5, 4.0, None)) for _ in range(2))
+    assert np.array_equal(first.segments[0].points, second.segments[0].points)
+    assert np.array_equal(first.cost, second.cost)

@@ -1,11 +1,13 @@
-"""The arithmetic of inverse kinematics, compiled.
+"""The arithmetic of inverse kinematics, compiled. Read in this order:
 
-    box     joint limits as a box of velocities, Cholesky, the QP in a box
+    tables  what the kernels read and write, as NamedTuples
     chain   a serial chain: the tool's pose, its Jacobian, errors
+    box     joint limits as a box of velocities, Cholesky, the QP in a box
     tick    one control tick
     search  a posture for a pose
 
-Shapes: n joints; a pose is (3, 4) = [R | p]; twists are (linear, angular), of the tool in its own axes unless said.
+Shapes: n joints; a pose is (3, 4) = [R | p]; twists are (linear, angular), of the tool in its own axes unless the
+docstring says otherwise.
 """
 
 from rackhand.services.controller.ik.kernels.box import (
@@ -18,7 +20,6 @@ from rackhand.services.controller.ik.kernels.box import (
     walk_faces,
 )
 from rackhand.services.controller.ik.kernels.chain import (
-    curve,
     forward,
     jacobian,
     lengths,
@@ -26,75 +27,81 @@ from rackhand.services.controller.ik.kernels.chain import (
     normal_matrix,
     pose_error,
     pose_gap,
+    subtract_curvature,
+    to_tool,
     weighted,
 )
-from rackhand.services.controller.ik.kernels.search import nearest, search
-from rackhand.services.controller.ik.kernels.tick import (
+from rackhand.services.controller.ik.kernels.search import (
+    nearest,
+    search,
+)
+from rackhand.services.controller.ik.kernels.tables import (
     BOX,
     CHOLESKY,
-    DAMPING,
-    DT,
     ERROR_ANGULAR,
     ERROR_LINEAR,
     ITERATIONS,
-    LEAP,
-    LM_DAMPING,
     MEASURE,
     NONE,
     REPORT,
     ROWS,
     SCALE,
-    SINGULAR_AT,
-    SINGULAR_DAMPING,
     SOLVER,
-    TUNING,
-    WEIGHTS,
-    descend,
-    draw,
+    ArmTables,
+    LimitTable,
+    TickWork,
+    Tuning,
+)
+from rackhand.services.controller.ik.kernels.tick import (
+    brake_only,
+    limited_velocity,
     look_ahead,
+    newton_solve,
+    posture_velocity,
+    secondary_velocity_term,
     tick,
 )
 
 __all__ = [
     "BOX",
     "CHOLESKY",
-    "DAMPING",
-    "DT",
     "ERROR_ANGULAR",
     "ERROR_LINEAR",
     "ITERATIONS",
-    "LEAP",
-    "LM_DAMPING",
     "MEASURE",
     "NONE",
     "REPORT",
     "ROWS",
     "SCALE",
-    "SINGULAR_AT",
-    "SINGULAR_DAMPING",
     "SOLVER",
-    "TUNING",
-    "WEIGHTS",
+    "ArmTables",
+    "LimitTable",
+    "TickWork",
+    "Tuning",
     "acceleration_box",
+    "brake_only",
     "braked",
     "cholesky",
     "cholesky_solve",
-    "curve",
-    "descend",
-    "draw",
     "forward",
     "jacobian",
     "lengths",
+    "limited_velocity",
     "look_ahead",
     "manipulability",
     "nearest",
+    "newton_solve",
     "normal_matrix",
     "pose_error",
     "pose_gap",
     "position_box",
+    "posture_velocity",
     "search",
+    "secondary_velocity_term",
     "solve_box",
+    "subtract_curvature",
     "tick",
+    "to_tool",
     "walk_faces",
     "weighted",
 ]

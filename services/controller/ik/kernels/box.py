@@ -8,13 +8,14 @@ import numpy as np
 
 from rackhand.runtime.compiled import compiled
 from rackhand.schemas.arrays import Array
+from rackhand.services.controller.ik.kernels.tables import LimitTable
 
 PROJECTED = 12  # steps of projected Newton, which seldom takes more than six
 
 
 @compiled
 def cholesky(h: Array, size: int, factor: Array) -> float:
-    """Lower factor of the leading `size` rows of positive definite `h`. Returns the least pivot."""
+    """Lower factor of the leading ``size`` rows of positive definite ``h``. Returns the least pivot."""
     least = np.inf
     for i in range(size):
         for j in range(i + 1):
@@ -43,9 +44,9 @@ def cholesky_solve(factor: Array, size: int, b: Array, x: Array) -> None:
 
 @compiled
 def solve_box(h: Array, c: Array, lower: Array, upper: Array, x: Array) -> int:
-    """min ½ xᵀHx - cᵀx within the box, H positive definite: exact to rounding. Starts at `x`, leaves the solution
+    """min ½ xᵀHx - cᵀx within the box, H positive definite: exact to rounding. Starts at ``x``, leaves the solution
     there. Projected Newton (Bertsekas 1982): Newton's step on the free coordinates, cut to the box, with Armijo's rule.
-    Where that zigzags between faces of the box, which badly conditioned H make it do, `walk_faces` takes over.
+    Where that zigzags between faces of the box, which badly conditioned H make it do, ``walk_faces`` takes over.
 
     Returns the number of factorisations, negative when it gave up (which no test has seen)."""
     n = c.shape[0]
@@ -101,7 +102,7 @@ def solve_box(h: Array, c: Array, lower: Array, upper: Array, x: Array) -> int:
 
 @compiled
 def walk_faces(h: Array, c: Array, lower: Array, upper: Array, x: Array) -> int:
-    """`solve_box` by the primal active-set method (Nocedal & Wright 2006, §16.5): to the minimum of a face of the box
+    """``solve_box`` by the primal active-set method (Nocedal & Wright 2006, §16.5): to the minimum of a face of the box
     or the first bound on the way, which then holds; at a minimum, the bound that pushes inwards most is let go. Takes
     more steps than projected Newton, and always arrives."""
     n = c.shape[0]
@@ -116,7 +117,7 @@ def walk_faces(h: Array, c: Array, lower: Array, upper: Array, x: Array) -> int:
             if not held[i]:
                 free[size] = i
                 size += 1
-        # As in `solve_box`, written out: a function for both costs that one, at every tick, 7 %.
+        # As in ``solve_box``, written out: a function for both costs that one, at every tick, 7 %.
         for a in range(size):
             step[a] = -gradient[free[a]]
             for b in range(a + 1):
@@ -149,30 +150,30 @@ def walk_faces(h: Array, c: Array, lower: Array, upper: Array, x: Array) -> int:
 
 
 @compiled
-def position_box(limits: Array, q: Array, dt: float, lower: Array, upper: Array) -> None:
+def position_box(limits: LimitTable, q: Array, dt: float, lower: Array, upper: Array) -> None:
     """Fill the velocities from which every joint still can stop before its limit, cut with the velocity limits.
 
-    `limits` as `servo.limit_table` makes them. The discrete braking bound max(0, √(2ad) - a dt/2): braking fully from
-    it stays within the bound of the next tick, and short of the limit. The box always holds 0."""
+    The discrete braking bound max(0, √(2ad) - a dt/2): braking fully from it stays within the bound of the next tick,
+    and short of the limit. The box always holds 0."""
     for i in range(q.shape[0]):
-        a = limits[5, i]
-        down = max(0.0, math.sqrt(2.0 * a * max(0.0, q[i] - limits[0, i])) - 0.5 * a * dt)
-        up = max(0.0, math.sqrt(2.0 * a * max(0.0, limits[1, i] - q[i])) - 0.5 * a * dt)
-        lower[i], upper[i] = -min(down, limits[2, i]), min(up, limits[2, i])
+        a = limits.braking[i]
+        down = max(0.0, math.sqrt(2.0 * a * max(0.0, q[i] - limits.lower[i])) - 0.5 * a * dt)
+        up = max(0.0, math.sqrt(2.0 * a * max(0.0, limits.upper[i] - q[i])) - 0.5 * a * dt)
+        lower[i], upper[i] = -min(down, limits.velocity[i]), min(up, limits.velocity[i])
 
 
 @compiled
-def acceleration_box(limits: Array, v: Array, dt: float, lower: Array, upper: Array) -> None:
-    """Cut the box to what the acceleration limit lets `v` reach, which wins where both cannot be had: never empty."""
+def acceleration_box(limits: LimitTable, v: Array, dt: float, lower: Array, upper: Array) -> None:
+    """Cut the box to what the acceleration limit lets ``v`` reach, which wins where both cannot be had: never empty."""
     for i in range(v.shape[0]):
-        slowest, fastest = v[i] - limits[3, i] * dt, v[i] + limits[3, i] * dt
+        slowest, fastest = v[i] - limits.acceleration[i] * dt, v[i] + limits.acceleration[i] * dt
         lower[i] = min(max(lower[i], slowest), fastest)
         upper[i] = max(min(upper[i], fastest), slowest)
 
 
 @compiled
 def braked(step: Array, velocity: Array, acceleration: Array, dt: float) -> float:
-    """The factor ≤ 1 on a joint displacement `step` [rad] whose speed still can be braked to zero at its end."""
+    """The factor ≤ 1 on a joint displacement ``step`` (n,) [rad] whose speed still can be braked to zero at its end."""
     factor = 1.0
     for i in range(step.shape[0]):
         distance, reach = abs(step[i]), acceleration[i] * dt * dt

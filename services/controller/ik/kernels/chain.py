@@ -13,7 +13,7 @@ from rackhand.services.controller.ik.kernels.box import cholesky
 
 @compiled
 def forward(placements: Array, q: Array, frames: Array) -> None:
-    """Fill `frames` (n+1, 3, 4): pose of every joint (turned by q) and of the tool in the base frame."""
+    """Fill ``frames`` (n+1, 3, 4): pose of every joint (turned by q) and of the tool in the base frame."""
     n = q.shape[0]
     for i in range(n + 1):
         m, f = placements[i], frames[i]
@@ -34,7 +34,7 @@ def forward(placements: Array, q: Array, frames: Array) -> None:
 
 @compiled
 def jacobian(frames: Array, jac: Array) -> None:
-    """Fill `jac` (6, n): tool twist in its own axes by joint velocity, as pinocchio's LOCAL frame Jacobian."""
+    """Fill ``jac`` (6, n): tool twist in its own axes by joint velocity, as pinocchio's LOCAL frame Jacobian."""
     n = jac.shape[1]
     t = frames[n]
     for k in range(n):
@@ -49,7 +49,7 @@ def jacobian(frames: Array, jac: Array) -> None:
 
 @compiled
 def pose_gap(pose: Array, target: Array, weights: Array, gap: Array) -> float:
-    """Fill `gap` (6,): offset of the target's origin and log3 of its rotation, both seen in the pose. Returns gapᵀ W
+    """Fill ``gap`` (6,): offset of the target's origin and log3 of its rotation, both seen in the pose. Returns gapᵀ W
     gap, whose slope along a body twist is -2 W gap (equal weights within each part). By way of the quaternion
     (Shepperd's method), which keeps its digits at half a turn."""
     r = np.empty((3, 3))
@@ -93,7 +93,7 @@ def weighted(weights: Array, error: Array) -> float:
 
 @compiled
 def pose_error(pose: Array, target: Array, weights: Array, error: Array) -> float:
-    """Fill `error` (6,) with log6(pose⁻¹ target), the body twist that leads from pose to target in unit time.
+    """Fill ``error`` (6,) with log6(pose⁻¹ target), the body twist that leads from pose to target in unit time.
     Returns errorᵀ W error."""
     pose_gap(pose, target, weights, error)
     x, y, z, wx, wy, wz = error[0], error[1], error[2], error[3], error[4], error[5]
@@ -145,8 +145,8 @@ def normal_matrix(jac: Array, weights: Array, damping: float, h: Array) -> None:
 
 
 @compiled
-def curve(jac: Array, pull: Array, h: Array) -> None:
-    """Take off `h` (n, n) the second derivatives of the tool's position along `pull` (3,), both in the tool's axes:
+def subtract_curvature(jac: Array, pull: Array, h: Array) -> None:
+    """Subtract from ``h`` (n, n) the second derivatives of the tool's position along ``pull`` (3,), in the tool's axes:
     pull·∂²p/∂q_i∂q_j = pull·(ω_i × v_j) for i ≤ j."""
     n = jac.shape[1]
     for i in range(n):
@@ -156,3 +156,11 @@ def curve(jac: Array, pull: Array, h: Array) -> None:
         for j in range(i, n):
             h[j, i] -= x * jac[0, j] + y * jac[1, j] + z * jac[2, j]
             h[i, j] = h[j, i]
+
+
+@compiled
+def to_tool(tool: Array, twist: Array, out: Array) -> None:
+    """Fill ``out`` (6,) with ``twist`` (6,), given in base axes, in the axes of the pose ``tool`` (3, 4)."""
+    for r in range(3):
+        out[r] = tool[0, r] * twist[0] + tool[1, r] * twist[1] + tool[2, r] * twist[2]
+        out[r + 3] = tool[0, r] * twist[3] + tool[1, r] * twist[4] + tool[2, r] * twist[5]

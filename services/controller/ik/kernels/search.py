@@ -10,17 +10,18 @@ from rackhand.runtime.compiled import compiled
 from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik.kernels.box import solve_box
 from rackhand.services.controller.ik.kernels.chain import forward, jacobian, lengths, normal_matrix, pose_error
+from rackhand.services.controller.ik.kernels.tables import LimitTable
 
 
 @compiled
 def search(
-    placements: Array, limits: Array, weights: Array, q: Array, target: Array, tolerance: Array, iterations: int
+    placements: Array, limits: LimitTable, weights: Array, q: Array, target: Array, tolerance: Array, iterations: int
 ) -> tuple[bool, int]:
-    """Move `q` (n,) to where the tool is at `target` within `tolerance` (linear [m], angular [rad]), joints within
-    limits.
+    """Move ``q`` (n,) within the limits to where the tool is at ``target`` (3, 4) within ``tolerance`` (linear [m],
+    angular [rad]).
 
     Levenberg-Marquardt whose step is a box QP, at most a radian a joint; gives up when ten steps gain less than a
-    tenth. Returns whether it arrived and the number of steps; `q` is the best found."""
+    tenth. Returns whether it converged and the number of steps; ``q`` is the best found."""
     n = q.shape[0]
     frames, jac, error, h = np.empty((n + 1, 3, 4)), np.empty((6, n)), np.empty(6), np.empty((n, n))
     c, low, high, step, best = np.empty(n), np.empty(n), np.empty(n), np.empty(n), q.copy()
@@ -42,15 +43,15 @@ def search(
         normal_matrix(jac, weights, 1e-12 + 1e-3 * squared, h)
         c[:] = (weights * error) @ jac
         for i in range(n):
-            low[i], high[i] = max(limits[0, i] - q[i], -1.0), min(limits[1, i] - q[i], 1.0)
+            low[i], high[i] = max(limits.lower[i] - q[i], -1.0), min(limits.upper[i] - q[i], 1.0)
             step[i] = 0.0
         solve_box(h, c, low, high, step)
         for i in range(n):
             q[i] += step[i]
             if iteration % 5 == 4:  # against its limit: the same pose a turn away, where there is room
-                if q[i] >= limits[1, i] and q[i] - 2.0 * math.pi > limits[0, i]:
+                if q[i] >= limits.upper[i] and q[i] - 2.0 * math.pi > limits.lower[i]:
                     q[i] -= 2.0 * math.pi
-                elif q[i] <= limits[0, i] and q[i] + 2.0 * math.pi < limits[1, i]:
+                elif q[i] <= limits.lower[i] and q[i] + 2.0 * math.pi < limits.upper[i]:
                     q[i] += 2.0 * math.pi
     q[:] = best
     return False, iteration + 1
@@ -58,7 +59,7 @@ def search(
 
 @compiled
 def nearest(placements: Array, weights: Array, seeds: Array, target: Array) -> int:
-    """Index of the row of `seeds` (m, n) that has the tool closest to `target`."""
+    """Index of the row of ``seeds`` (m, n) that has the tool closest to ``target``."""
     n = seeds.shape[1]
     frames, error = np.empty((n + 1, 3, 4)), np.empty(6)
     best, least = 0, np.inf

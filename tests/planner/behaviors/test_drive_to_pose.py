@@ -10,14 +10,13 @@ import pytest
 
 from rackhand.schemas.base import Twist2
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
-from rackhand.services.planner.behaviors.navigator import ChassisNavigator
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
 from rackhand.services.planner.planning.goals import Goal
 from rackhand.services.planner.settings import NavigationSettings
 from tests.planner.control.test_braking_guard import check_step
 from tests.planner.map.test_grid import feature
-from tests.planner.plant import TICK, Hall, Plant, Walker, box, idle, keep_on, run
+from tests.planner.plant import TICK, Hall, Plant, Robot, Walker, box, idle, keep_on, run
 
 
 def away(plant: Plant, goal: Goal) -> tuple[float, float]:
@@ -25,18 +24,26 @@ def away(plant: Plant, goal: Goal) -> tuple[float, float]:
     return math.hypot(plant.pose[0] - (goal.x or 0.0), plant.pose[1] - (goal.y or 0.0)), abs(yaw)
 
 
-def fails(navigator: ChassisNavigator, plant: Plant, reason: Reason, seconds: float = 30) -> str:
+def fails(robot: Robot, plant: Plant, reason: Reason, seconds: float = 30) -> str:
     with pytest.raises(MoveFailed) as failed:
-        keep_on(navigator, plant, seconds)
+        keep_on(robot, plant, seconds)
     assert failed.value.reason is reason, failed.value.text
     return failed.value.text
 
 
+def plan_first(robot: Robot) -> None:
+    """Tick until the first path is there."""
+    for _ in range(2):
+        told = robot.tick()
+        robot.plant.drive(told.twist)
+    assert len(told.path)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_arrives_within_5_cm_and_2_degrees_of_the_true_pose(begin, seed: int) -> None:
-    navigator, plant = begin(seed=seed)
+    robot, plant = begin(seed=seed)
     for goal in (Goal(8.5, 6.5, 2.0), Goal(8.5, 1.2, -1.0), Goal(8.3, 1.2, -1.0)):
-        told = run(navigator, plant, goal, 60)
+        told = run(robot, plant, goal, 60)
         distance, yaw = away(plant, goal)
         assert distance < 0.03 and yaw < math.radians(1.5)
         assert told[-1].remaining_distance == 0.0 and told[-1].stuck_state == "none"
@@ -46,21 +53,22 @@ def test_arrives_within_5_cm_and_2_degrees_of_the_true_pose(begin, seed: int) ->
 @pytest.mark.parametrize("stale", [0.04, 0.4])
 def test_another_run_of_the_driver_is_driven_as_if_it_were_the_first(begin, stale: float) -> None:
     """Also where its first stamps are those of the former run: what was measured then must not weigh in."""
-    navigator, plant = begin()
-    first = run(navigator, plant, Goal(3.0, 4.0), 30)
-    navigator.reset()
-    idle(navigator, Plant(plant.hall, (1.6, 4.1, 0.1), seed=2), stale)
-    navigator.reset()
+    robot, plant = begin()
+    first = run(robot, plant, Goal(3.0, 4.0), 30)
+    other = Plant(plant.hall, (1.6, 4.1, 0.1), seed=2)
+    robot.restart(other)
+    idle(robot, other, stale)
     plant = Plant(plant.hall, (1.5, 4.0, 0.0), seed=1)
-    navigator.set_map(plant.hall.map())
-    idle(navigator, plant, 0.4)
-    again = run(navigator, plant, Goal(3.0, 4.0), 30)
+    robot.restart(plant)
+    robot.motion.set_map(plant.hall.map())
+    idle(robot, plant, 0.4)
+    again = run(robot, plant, Goal(3.0, 4.0), 30)
     assert [progress.twist for progress in again] == [progress.twist for progress in first]
 
 
 def test_remaining_distance_shrinks_with_the_path(begin) -> None:
-    navigator, plant = begin()
-    told = run(navigator, plant, Goal(8.5, 6.5), 60)
+    robot, plant = begin()
+    told = run(robot, plant, Goal(8.5, 6.5), 60)
     assert told[0].remaining_distance == pytest.approx(8.0, abs=1.0)
     left = np.array([p.remaining_distance for p in told])
     assert (np.diff(left) < 0.06).all()
@@ -73,8 +81,8 @@ def test_remaining_distance_shrinks_with_the_path(begin) -> None:
 
 def test_commands_keep_velocity_and_acceleration_limits(begin) -> None:
     walker = Walker(np.array([(7.0, 1.0), (7.0, 7.0)]), 1.0, polite=True)
-    navigator, plant = begin(walkers=(walker,), crates=(box(3.0, 4.0, 0.5, 0.5),))
-    run(navigator, plant, Goal(8.5, 6.5, 3.0), 90)
+    robot, plant = begin(walkers=(walker,), crates=(box(3.0, 4.0, 0.5, 0.5),))
+    run(robot, plant, Goal(8.5, 6.5, 3.0), 90)
     commands = [STANDSTILL, *(command for _, command in plant.commands)]
     for now, then in itertools.pairwise(commands):
         check_step(now, then, TICK / 1e9)
@@ -83,11 +91,11 @@ def test_commands_keep_velocity_and_acceleration_limits(begin) -> None:
 
 def test_slow_region_is_driven_slowly(begin) -> None:
     ring = [[3, 0], [6, 0], [6, 8], [3, 8]]
-    navigator, plant = begin(Hall(10, 8, overlays=[feature("Polygon", [ring], regionType=2)]))
-    navigator.start(Goal(8.5, 4.0), plant.observe())
+    robot, plant = begin(Hall(10, 8, overlays=[feature("Polygon", [ring], regionType=2)]))
+    robot.start(Goal(8.5, 4.0))
     fastest = {True: 0.0, False: 0.0}
     for _ in range(1000):
-        progress = navigator.tick(plant.observe())
+        progress = robot.tick()
         inside = 3.4 < plant.pose[0] < 6.0
         fastest[inside] = max(fastest[inside], plant.v)
         plant.drive(progress.twist)
@@ -97,58 +105,59 @@ def test_slow_region_is_driven_slowly(begin) -> None:
 
 
 def test_turn_only_stays_where_it_is(begin) -> None:
-    navigator, plant = begin()
+    robot, plant = begin()
     before = plant.pose.copy()
-    run(navigator, plant, Goal(yaw=2.5), 20)
+    run(robot, plant, Goal(yaw=2.5), 20)
     assert abs(wrap(plant.pose[2] - 2.5)) < math.radians(1.5)
     assert math.hypot(*(plant.pose - before)[:2]) < 0.01
     assert all(command.linear == 0.0 for _, command in plant.commands)
 
 
 def test_zone_ends_as_soon_as_it_is_reached_without_stopping(begin) -> None:
-    navigator, plant = begin()
+    robot, plant = begin()
     goal = Goal(8.5, 6.5, 1.0, accuracy=0.8, zone=True)
-    run(navigator, plant, goal, 60)
+    run(robot, plant, goal, 60)
     assert 0.7 < away(plant, goal)[0] < 0.85
     assert plant.v > 0.5
 
 
 def test_a_wide_accuracy_without_zone_still_goes_to_the_point(begin) -> None:
-    navigator, plant = begin()
+    robot, plant = begin()
     goal = Goal(3.5, 4.0, accuracy=0.5)
-    run(navigator, plant, goal, 60)
+    run(robot, plant, goal, 60)
     assert away(plant, goal)[0] < 0.05
 
 
 def test_rotate_in_place_turns_only_at_standstill(begin) -> None:
-    navigator, plant = begin()
-    run(navigator, plant, Goal(8.5, 4.0, -1.0, rotate_in_place=True), 60)
+    robot, plant = begin()
+    run(robot, plant, Goal(8.5, 4.0, -1.0, rotate_in_place=True), 60)
     turning = [c for _, c in plant.commands if abs(c.angular) > 0.15]
     assert len(turning) > 40 and all(abs(c.linear) < 1e-9 for c in turning)
 
 
 def test_without_rotate_in_place_bends_are_driven(begin) -> None:
-    navigator, plant = begin()
-    run(navigator, plant, Goal(8.5, 4.0), 60)
+    robot, plant = begin()
+    run(robot, plant, Goal(8.5, 4.0), 60)
     assert any(c.linear > 0.4 and abs(c.angular) > 0.15 for _, c in plant.commands)
 
 
 def test_goes_round_an_unmapped_crate_and_says_so(begin) -> None:
-    navigator, plant = begin(Hall(10, 8))
-    navigator.start(Goal(8.5, 4.0), plant.observe())
+    robot, plant = begin(Hall(10, 8))
+    robot.start(Goal(8.5, 4.0))
+    plan_first(robot)
     plant.crates = [box(5.0, 4.0, 0.6, 0.6, 0.4)]
-    told = keep_on(navigator, plant, 60)
+    told = keep_on(robot, plant, 60)
     assert any(p.replanned for p in told) and plant.contacts == []
 
 
 def test_stops_for_a_person_who_steps_in_front_and_goes_on(begin) -> None:
     alley = Hall(10, 8, [box(5, 1.7, 6, 3.2), box(5, 6.3, 6, 3.2)])
     walker = Walker(np.array([(9.0, 4.0), (5.0, 4.0)]), 1.0, polite=True)
-    navigator, plant = begin(alley, walkers=(walker,))
-    navigator.start(Goal(9.0, 4.0), plant.observe())
+    robot, plant = begin(alley, walkers=(walker,))
+    robot.start(Goal(9.0, 4.0))
     stood = False
     for _ in range(1500):
-        progress = navigator.tick(plant.observe())
+        progress = robot.tick()
         plant.drive(progress.twist)
         if not stood and plant.seconds > 12:
             stood = abs(plant.v) < 0.05 and plant.pose[0] < 5.0
@@ -165,29 +174,29 @@ def walks_at_the_robot() -> Walker:
 
 
 def test_makes_way_for_a_person_who_does_not(begin) -> None:
-    navigator, plant = begin(Hall(10, 8), walkers=(walks_at_the_robot(),))
+    robot, plant = begin(Hall(10, 8), walkers=(walks_at_the_robot(),))
     goal = Goal(8.5, 4.0, 0.0)
-    run(navigator, plant, goal, 40)
+    run(robot, plant, goal, 40)
     assert plant.contacts == [] and away(plant, goal)[0] < 0.05
 
 
 def test_two_runs_are_the_same(begin) -> None:
     runs = []
     for _ in range(2):
-        navigator, plant = begin(Hall(10, 8), walkers=(walks_at_the_robot(),))
-        run(navigator, plant, Goal(8.5, 4.0, 0.0), 40)
+        robot, plant = begin(Hall(10, 8), walkers=(walks_at_the_robot(),))
+        run(robot, plant, Goal(8.5, 4.0, 0.0), 40)
         runs.append([(stamp, c.linear, c.angular) for stamp, c in plant.commands])
     assert runs[0] == runs[1]
 
 
 def test_move_timeout_when_wheels_are_blocked(begin) -> None:
-    navigator, plant = begin(settings=NavigationSettings(move_timeout=5.0, stuck_after=2.0))
-    navigator.start(Goal(8.5, 4.0), plant.observe())
+    robot, plant = begin(settings=NavigationSettings(move_timeout=5.0, stuck_after=2.0))
+    robot.start(Goal(8.5, 4.0))
     plant.wheels_blocked = True
     states = []
     with pytest.raises(MoveFailed) as failed:
         while True:
-            progress = navigator.tick(plant.observe())
+            progress = robot.tick()
             states.append(progress.stuck_state)
             plant.drive(progress.twist)
     assert failed.value.reason is Reason.MOVE_TIMEOUT
@@ -195,13 +204,13 @@ def test_move_timeout_when_wheels_are_blocked(begin) -> None:
 
 
 def test_rotate_timeout_when_wheels_are_blocked_at_the_goal(begin) -> None:
-    navigator, plant = begin(settings=NavigationSettings(rotate_timeout=5.0, stuck_after=2.0))
-    navigator.start(Goal(yaw=2.0), plant.observe())
+    robot, plant = begin(settings=NavigationSettings(rotate_timeout=5.0, stuck_after=2.0))
+    robot.start(Goal(yaw=2.0))
     plant.wheels_blocked = True
     states = []
     with pytest.raises(MoveFailed) as failed:
         while True:
-            progress = navigator.tick(plant.observe())
+            progress = robot.tick()
             states.append(progress.stuck_state)
             plant.drive(progress.twist)
     assert failed.value.reason is Reason.ROTATE_TIMEOUT
@@ -210,21 +219,22 @@ def test_rotate_timeout_when_wheels_are_blocked_at_the_goal(begin) -> None:
 
 def test_rotate_timeout_when_something_stands_too_near_to_turn(begin) -> None:
     crates = (box(1.5, 4.42, 0.6, 0.3), box(1.5, 3.58, 0.6, 0.3))
-    navigator, plant = begin(settings=NavigationSettings(rotate_timeout=4.0), crates=crates)
-    navigator.start(Goal(yaw=1.57), plant.observe())
-    assert "in the way" in fails(navigator, plant, Reason.ROTATE_TIMEOUT)
+    robot, plant = begin(settings=NavigationSettings(rotate_timeout=4.0), crates=crates)
+    robot.start(Goal(yaw=1.57))
+    assert "blocked by an obstacle" in fails(robot, plant, Reason.ROTATE_TIMEOUT)
     assert plant.contacts == []
 
 
 def test_planning_timeout_when_the_way_gets_sealed(begin) -> None:
     alley = Hall(10, 8, [box(5, 1.7, 6, 3.2), box(5, 6.3, 6, 3.2)])
-    navigator, plant = begin(alley, settings=NavigationSettings(planning_timeout=10.0, move_timeout=20.0))
-    navigator.start(Goal(9.0, 4.0), plant.observe())
+    robot, plant = begin(alley, settings=NavigationSettings(planning_timeout=10.0, move_timeout=20.0))
+    robot.start(Goal(9.0, 4.0))
+    plan_first(robot)
     plant.crates = [box(7.5, 4.0, 0.5, 1.2)]
     blocked = []
     with pytest.raises(MoveFailed) as failed:
         for _ in range(1000):
-            progress = navigator.tick(plant.observe())
+            progress = robot.tick()
             blocked.append(progress.viewport_blocked)
             plant.drive(progress.twist)
     assert failed.value.reason is Reason.PLANNING_TIMEOUT
@@ -233,16 +243,16 @@ def test_planning_timeout_when_the_way_gets_sealed(begin) -> None:
 
 @pytest.mark.parametrize("fault", ["lidar_dead", "lidar_blind"])
 def test_costmap_error_without_a_usable_scan(begin, fault: str) -> None:
-    navigator, plant = begin()
-    navigator.start(Goal(8.5, 6.5), plant.observe())
+    robot, plant = begin()
+    robot.start(Goal(8.5, 6.5))
     for _ in range(75):
-        plant.drive(navigator.tick(plant.observe()).twist)
+        plant.drive(robot.tick().twist)
     assert plant.v > 0.5
     setattr(plant, fault, True)
     began, stopped = plant.seconds, None
     with pytest.raises(MoveFailed) as failed:
         while True:
-            plant.drive(navigator.tick(plant.observe()).twist)
+            plant.drive(robot.tick().twist)
             if stopped is None and plant.v < 0.02:
                 stopped = plant.seconds - began
     assert failed.value.reason is Reason.CONTROL_COSTMAP_ERROR
@@ -251,44 +261,37 @@ def test_costmap_error_without_a_usable_scan(begin, fault: str) -> None:
 
 
 def test_goes_on_when_the_scan_comes_back(begin) -> None:
-    navigator, plant = begin()
-    navigator.start(Goal(8.5, 6.5), plant.observe())
+    robot, plant = begin()
+    robot.start(Goal(8.5, 6.5))
     plant.lidar_dead = True
     for _ in range(75):
-        plant.drive(navigator.tick(plant.observe()).twist)
+        plant.drive(robot.tick().twist)
     assert plant.v < 0.02
     plant.lidar_dead = False
-    keep_on(navigator, plant, 60)
+    keep_on(robot, plant, 60)
 
 
 def test_brakes_without_a_pose_and_goes_on_with_one(begin) -> None:
-    navigator, plant = begin()
-    navigator.start(Goal(8.5, 6.5), plant.observe())
+    robot, plant = begin()
+    robot.start(Goal(8.5, 6.5))
     for _ in range(75):
-        plant.drive(navigator.tick(plant.observe()).twist)
+        plant.drive(robot.tick().twist)
     plant.pose_lost = True
     for _ in range(35):
-        plant.drive(navigator.tick(plant.observe()).twist)
+        plant.drive(robot.tick().twist)
     assert plant.v < 0.02
     plant.pose_lost = False
-    keep_on(navigator, plant, 60)
-
-
-def test_move_timeout_when_the_pose_stays_out(begin) -> None:
-    navigator, plant = begin(settings=NavigationSettings(move_timeout=4.0))
-    navigator.start(Goal(8.5, 6.5), plant.observe())
-    plant.pose_lost = True
-    assert "pose" in fails(navigator, plant, Reason.MOVE_TIMEOUT)
+    keep_on(robot, plant, 60)
 
 
 def test_brake_comes_to_rest_within_the_limits(begin) -> None:
-    navigator, plant = begin()
-    navigator.start(Goal(8.5, 6.5), plant.observe())
+    robot, plant = begin()
+    robot.start(Goal(8.5, 6.5))
     for _ in range(75):
-        plant.drive(navigator.tick(plant.observe()).twist)
+        plant.drive(robot.tick().twist)
     now = plant.commands[-1][1]
     for _ in range(40):
-        then = navigator.brake(plant.observe())
+        then = robot.brake()
         check_step(now, then, TICK / 1e9)
         plant.drive(then)
         now = then
@@ -296,18 +299,65 @@ def test_brake_comes_to_rest_within_the_limits(begin) -> None:
 
 
 def test_a_replaced_goal_begins_from_the_present_speed(begin) -> None:
-    navigator, plant = begin()
-    navigator.start(Goal(8.5, 6.5), plant.observe())
+    robot, plant = begin()
+    robot.start(Goal(8.5, 6.5))
     for _ in range(75):
-        plant.drive(navigator.tick(plant.observe()).twist)
+        plant.drive(robot.tick().twist)
     before = plant.commands[-1][1]
-    run(navigator, plant, Goal(8.5, 1.5), 60)
+    run(robot, plant, Goal(8.5, 1.5), 60)
     after = plant.commands[75 + 10][1]
     check_step(before, after, TICK / 1e9)
 
 
-def test_warm_up_leaves_no_trace() -> None:
-    navigator = ChassisNavigator()
-    navigator.warm_up()
-    with pytest.raises(RuntimeError, match="without a move"):
-        navigator.tick(Plant(Hall(10, 8), (1.5, 4.0, 0.0)).observe())
+def test_a_hold_resumes_the_stage_it_interrupted(begin) -> None:
+    """Held while turning at the goal: it goes on turning, and does not plan or drive to the point again."""
+    robot, plant = begin()
+    robot.start(Goal(3.5, 4.0, 2.5))
+    while not (abs(plant.w) > 0.5 and plant.pose[0] > 3.4):
+        plant.drive(robot.tick().twist)
+    for _ in range(100):
+        plant.drive(robot.hold())
+    assert abs(plant.w) < 0.01
+    told = keep_on(robot, plant, 20)
+    assert not any(progress.replanned or len(progress.path) for progress in told)
+    assert away(plant, Goal(3.5, 4.0, 2.5))[1] < math.radians(1.5)
+
+
+def test_a_hold_on_the_way_keeps_the_route(begin) -> None:
+    robot, plant = begin()
+    robot.start(Goal(8.5, 6.5))
+    for _ in range(75):
+        plant.drive(robot.tick().twist)
+    for _ in range(2000):
+        plant.drive(robot.hold())
+    told = keep_on(robot, plant, 60)
+    assert not told[0].replanned and len(told[0].path) and told[0].stuck_state == "none"
+    assert plant.contacts == []
+
+
+def test_a_chassis_that_was_pushed_during_a_hold_gets_a_route_from_where_it_is(begin) -> None:
+    robot, plant = begin()
+    robot.start(Goal(8.5, 6.5))
+    for _ in range(75):
+        plant.drive(robot.tick().twist)
+    for _ in range(50):
+        plant.drive(robot.hold())
+    plant.pose += (0.0, -1.2, 0.4)
+    for _ in range(50):
+        plant.drive(robot.hold())
+    told = keep_on(robot, plant, 60)
+    assert any(progress.replanned for progress in told)
+    assert away(plant, Goal(8.5, 6.5))[0] < 0.05 and plant.contacts == []
+
+
+def test_held_on_the_goal_it_has_arrived(begin) -> None:
+    robot, plant = begin()
+    robot.start(Goal(3.5, 4.0))
+    for _ in range(25):
+        plant.drive(robot.tick().twist)
+    for _ in range(50):
+        plant.drive(robot.hold())
+    plant.pose[:2] = 3.5, 4.0
+    for _ in range(50):
+        plant.drive(robot.hold())
+    keep_on(robot, plant, 5)

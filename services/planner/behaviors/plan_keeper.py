@@ -1,0 +1,169 @@
+"""Keeps a route to one target: asks for plans, takes them, and asks again when the route is blocked, left or poor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.services.planner.behaviors.base import Array, Context
+from rackhand.services.planner.control.route import Route
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.planning.plan import NoPathFound, Target
+from rackhand.services.planner.planning.worker import PlanRequest
+
+SAME_OBSTACLE = 0.5  # m between what blocks the route and what moved lately, to take them for the same
+PUSHED = 0.1  # m off the route after a hold, from which on it is planned anew
+WORTH_IMPROVING = 1.5  # m of route left, below which no better one is looked for
+_REASONS = {
+    "disconnected": MoveFailReason.CALCULATION_FAILED,
+    "footprint": MoveFailReason.NO_GLOBAL_PATH,
+    "budget": MoveFailReason.CALCULATION_TIMEOUT,
+}
+
+
+class PlanKeeper:
+    """``route`` is the one to follow, None before the first plan. ``free``: metres of it ahead without an obstacle.
+
+    A blocked, left or improvable route is followed on until the worker has another one.
+    """
+
+    def __init__(self, target: Target) -> None:
+        self._target = target
+        self.route: Route | None = None
+        self.free = math.inf
+        self.plans = 0
+        self._requested_at = 0
+        self._better_than = math.inf
+        self._blocked_since: int | None = None
+        self._blocked_at: Array = np.zeros(2)
+        self._no_path: NoPathFound | None = None
+        self._no_path_since: int | None = None
+        self._path_on_static_map = False
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether an observed obstacle is on the route ahead."""
+        return self._blocked_since is not None
+
+    def request(
+        self, ctx: Context, *, better_than: float = math.inf, tight: bool = False, static_only: bool = False
+    ) -> None:
+        """Ask for a plan from here. It replaces the route if it is shorter than ``better_than`` metres."""
+        self._requested_at, self._better_than = ctx.stamp, better_than
+        ctx.request_plan(PlanRequest(ctx.pose.copy(), self._target, static_only, tight))
+
+    def discard(self, ctx: Context) -> None:
+        """The route's end was not the goal after all: plan anew, and stand until then."""
+        self.route = None
+        self.request(ctx)
+
+    def resume(self, ctx: Context) -> None:
+        """After a hold: what blocked before counts from now, and a chassis that was pushed off its route gets one from
+        where it is."""
+        self._blocked_since = self._no_path_since = None
+        if self.route is not None:
+            self.route.current.update(ctx.pose)
+            if self.route.current.deviation > PUSHED:
+                self.discard(ctx)
+
+    def update(self, ctx: Context, stuck: bool) -> bool:
+        """One tick. True if a new route was taken. ``stuck``: no progress though nothing blocks the route.
+
+        Raises ``MoveFailed`` when there is no path, or has been none for too long.
+        """
+        taken = self._take_answer(ctx)
+        if self.route is not None:
+            self._watch(ctx, self.route)
+        if ctx.plans.pending is None:
+            self._request_if_needed(ctx, stuck)
+        self._check_patience(ctx)
+        return taken
+
+    def _take_answer(self, ctx: Context) -> bool:
+        answer = ctx.plans.collect()
+        if answer is None:
+            return False
+        if answer.no_path is not None:
+            self._note_no_path(ctx, answer.request, answer.no_path)
+            return False
+        if answer.request.static_only:
+            self._path_on_static_map = True
+            return False
+        self._no_path = self._no_path_since = None
+        plan = answer.plan
+        if plan is None or plan.length >= self._better_than:
+            return False
+        route = Route(plan)
+        if not _begins_here(route, ctx):
+            return False
+        self.route, self._blocked_since = route, None
+        self.plans += 1
+        return True
+
+    def _note_no_path(self, ctx: Context, request: PlanRequest, no_path: NoPathFound) -> None:
+        if request.static_only:
+            raise MoveFailed(_REASONS[no_path.kind], no_path.text)
+        self._no_path = no_path
+        if self._no_path_since is None:
+            self._no_path_since = ctx.stamp
+        if not self.plans and not self._path_on_static_map:  # the map alone shows whether waiting can help
+            self.request(ctx, static_only=True)
+
+    def _watch(self, ctx: Context, route: Route) -> None:
+        """Where on the route the chassis is, and whether it is free ahead."""
+        route.current.update(ctx.pose)
+        self.free, self._blocked_at = route.free_distance(ctx.costmap, ctx.footprint, ctx.settings.path_check_distance)
+        if math.isinf(self.free):
+            self._blocked_since = self._no_path_since = None
+        elif self._blocked_since is None:
+            self._blocked_since = ctx.stamp
+
+    def _request_if_needed(self, ctx: Context, stuck: bool) -> None:
+        s = ctx.settings
+        since = (ctx.stamp - self._requested_at) / NANOSECONDS
+        if self.route is None:
+            if since >= s.replan_period:
+                self.request(ctx)
+            return
+        left = self.route.left(ctx.pose)
+        must_go_round = self._must_go_round(ctx)
+        lost = self.route.current.deviation > s.off_path_distance
+        if (must_go_round or lost) and since >= s.replan_period:
+            self.request(ctx)
+        elif stuck and not must_go_round and since >= s.improve_period:
+            self.request(ctx, tight=True)
+        elif since >= s.improve_period and left > WORTH_IMPROVING:
+            self.request(ctx, better_than=s.improve_ratio * left)
+
+    def _must_go_round(self, ctx: Context) -> bool:
+        """Whether the route is blocked for good: what walked into it may walk on, and is given a moment."""
+        if self._blocked_since is None:
+            return False
+        if not ctx.costmap.movers.moved_near(self._blocked_at, SAME_OBSTACLE, ctx.stamp):
+            return True
+        return (ctx.stamp - self._blocked_since) / NANOSECONDS >= ctx.settings.blocked_patience
+
+    def _check_patience(self, ctx: Context) -> None:
+        if self._no_path_since is None:
+            return
+        waited = (ctx.stamp - self._no_path_since) / NANOSECONDS
+        if not self.plans and waited > ctx.settings.sealed_patience:
+            text = f"observed obstacles block every path, for {waited:.0f} s ({self._no_path})"
+            raise MoveFailed(MoveFailReason.NO_GLOBAL_PATH, text)
+        if waited > ctx.settings.planning_timeout:
+            raise MoveFailed(MoveFailReason.PLANNING_TIMEOUT, f"no path found for {waited:.0f} s ({self._no_path})")
+
+
+def _begins_here(route: Route, ctx: Context) -> bool:
+    """Whether the chassis, which may have driven on while this was planned, is still on it."""
+    route.current.update(ctx.pose)
+    return route.current.deviation <= ctx.settings.off_path_distance
+
+
+def ahead_of(route: Route | None, pose: Pose) -> Array:
+    """The path ahead, rows x, y, yaw; the pose alone without a route."""
+    return pose[None] if route is None else route.ahead()

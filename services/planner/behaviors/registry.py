@@ -1,0 +1,29 @@
+"""Which behaviour carries out which move type. A new move type is a file in this folder and a row here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.moves import MoveCreate
+from rackhand.services.planner.behaviors import deprecated, drive_to_pose
+from rackhand.services.planner.behaviors.base import Behavior
+from rackhand.services.planner.errors import MoveFailed
+
+Factory = Callable[[MoveCreate], Behavior]
+Registry = Mapping[str, Factory]
+
+BEHAVIORS: Registry = {
+    "none": drive_to_pose.for_request,
+    "standard": drive_to_pose.for_request,
+    "leave_elevator": deprecated.for_request,
+    "pull_over": deprecated.for_request,
+}
+
+
+def behavior_for(request: MoveCreate, registry: Registry) -> Behavior:
+    """Raises ``MoveFailed``: with ``unknown`` for a type of the API that this version cannot carry out."""
+    make = registry.get(request.type)
+    if make is None:
+        raise MoveFailed(MoveFailReason.UNKNOWN, f"moves of type {request.type} are not available in this version")
+    return make(request)

@@ -1,0 +1,125 @@
+"""How one chassis moves: perceive, step the running move, and let the braking guard check what comes out."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+
+from rackhand.schemas.base import Twist2
+from rackhand.schemas.chassis import ChassisModel
+from rackhand.schemas.maps import MapData
+from rackhand.schemas.moves import MoveCreate
+from rackhand.services.planner.behaviors.base import Context, Done, Drive
+from rackhand.services.planner.behaviors.registry import BEHAVIORS, Registry
+from rackhand.services.planner.behaviors.running import PATIENCE_NS, RunningMove
+from rackhand.services.planner.control.braking_guard import BrakingGuard
+from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
+from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.perception.chassis_state import ChassisState
+from rackhand.services.planner.perception.pipeline import Perception
+from rackhand.services.planner.planning.worker import PlanWorker
+from rackhand.services.planner.settings import Limits, NavigationSettings
+
+
+class Motion:
+    """Once a tick: ``perceive``, perhaps ``step``, then ``command``. No modes, no requests, no reports."""
+
+    def __init__(
+        self,
+        settings: NavigationSettings,
+        executor: Executor,
+        registry: Registry = BEHAVIORS,
+        patience_ns: int = PATIENCE_NS,
+    ) -> None:
+        """``executor``: one thread, for plans. ``patience_ns``: how long a move waits, as for a position."""
+        self._configured = self.settings = settings
+        self._registry = registry
+        self._patience_ns = patience_ns
+        self._footprint: Footprint | None = None
+        self._avoidance = DynamicAvoidance(settings)
+        self._guard = BrakingGuard()
+        self.perception = Perception(settings)
+        self.plans = PlanWorker(executor)
+        self.move: RunningMove | None = None
+
+    def set_model(self, model: ChassisModel) -> None:
+        """Move this chassis from now on, within its limits."""
+        self.settings = self._configured.for_chassis(model)
+        self._avoidance = DynamicAvoidance(self.settings)
+        self.set_footprint(Footprint.of(model.footprint))
+
+    def set_footprint(self, footprint: Footprint) -> None:
+        """The outline that must not touch anything: that of the chassis, or of the chassis with its load."""
+        self._footprint = footprint
+        self.perception.configure(self.settings, footprint)
+
+    def set_map(self, data: MapData | None) -> None:
+        """Use this map (or none); raises ``MoveFailed(GET_MAP_FAILED)`` and then has none. A running move must end."""
+        self.plans.cancel()
+        self.perception.set_map(data)
+
+    def reset(self) -> None:
+        """The driver restarted: nothing moves, and what was measured is void."""
+        self.end()
+        self.perception.reset()
+        self._guard.reset()
+
+    def begin(self, request: MoveCreate) -> None:
+        """Take a move; its work starts with the next ``step``, so that asking for it costs nothing."""
+        self.end()
+        self.move = RunningMove(request, self._registry, self._patience_ns)
+
+    def end(self) -> None:
+        """Forget the move and the plan that it waits for."""
+        self.plans.cancel()
+        self.move = None
+
+    # -- once a tick -------------------------------------------------------------------------------------------------
+
+    def perceive(self, state: ChassisState) -> None:
+        self.perception.update(state)
+
+    def step(self, state: ChassisState) -> Drive | Done | None:
+        """One step of the running move; None while the scan cannot be trusted. Raises ``MoveFailed``.
+
+        Raises ``RuntimeError`` without a move, a map, a pose or a footprint: the caller knows what is missing.
+        """
+        costmap, pose, odometry = self.perception.costmap, self.perception.pose, state.odometry
+        if self.move is None or costmap is None or pose is None or odometry is None or self._footprint is None:
+            raise RuntimeError("a move cannot be stepped without a map, a pose and a footprint")
+        stamp = odometry.stamp
+        if self.move.is_new:
+            self.perception.begin(stamp)
+        self.perception.check_scan(stamp)
+        if (fault := self.perception.scan_fault(stamp)) is not None:
+            self.move.hold(fault)
+            return None
+        ctx = Context(
+            stamp=stamp,
+            state=state,
+            pose=pose,
+            twist=odometry.twist,
+            commanded=self._guard.command,
+            vetoed=self._guard.vetoed,
+            costmap=costmap,
+            footprint=self._footprint,
+            settings=self.settings,
+            plans=self.plans,
+            avoidance=self._avoidance,
+        )
+        return self.move.step(ctx)
+
+    def command(self, wanted: Drive | None, state: ChassisState, limits: Limits) -> Twist2:
+        """The twist to command now: what is wanted, within ``limits``, if the guard lets it pass. None brakes."""
+        if state.odometry is None or self._footprint is None:
+            return self._guard.brake(0 if state.odometry is None else state.odometry.stamp, self.settings.control)
+        stamp, measured = state.odometry.stamp, state.odometry.twist
+        if wanted is None:
+            return self._guard.brake(stamp, self.settings.control)
+        view = self.perception.surroundings(stamp)
+        return self._guard.drive(
+            wanted.twist, view, measured, stamp, limits, self._footprint.edges, self.settings, wanted.may_touch
+        )
+
+    def brake(self, stamp: int) -> Twist2:
+        """The next command of the shortest stop, whatever else is broken."""
+        return self._guard.brake(stamp, self.settings.control)

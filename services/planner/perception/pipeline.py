@@ -1,0 +1,120 @@
+"""Everything perceived, in one place: where the chassis is, what surrounds it, and whether the scan can be trusted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rackhand.schemas.chassis import Costmap, Scan
+from rackhand.schemas.maps import MapData
+from rackhand.services.planner.control.braking_guard import Surroundings, as_obstacles
+from rackhand.services.planner.geometry import se2
+from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.map.grid import load_map
+from rackhand.services.planner.perception.chassis_state import QUALITY_LOST, ChassisState
+from rackhand.services.planner.perception.costmap import cost_bytes
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
+from rackhand.services.planner.perception.pose_filter import PoseFilter
+from rackhand.services.planner.perception.scan_watchdog import ScanWatchdog
+from rackhand.services.planner.settings import NavigationSettings
+
+Array = NDArray[np.float64]
+
+
+class Perception:
+    """Fed once a tick with the newest measurements; everything that drives reads from it."""
+
+    def __init__(self, settings: NavigationSettings) -> None:
+        self._settings = settings
+        self._footprint: Footprint | None = None
+        self.costmap: LocalCostmap | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """The driver restarted: all measurements are void, whatever their stamps. Map and footprint stay."""
+        self._filter = PoseFilter(self._settings.noise)
+        self._watchdog = ScanWatchdog(self._settings)
+        self._odometry: Pose | None = None
+        self._hits: Array = np.empty((0, 2))
+        self.pose: Pose | None = None
+
+    def set_map(self, data: MapData | None) -> None:
+        """Use this map (or none) and forget what was observed on the former one.
+
+        Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that cannot be read; then there is none.
+        """
+        self.costmap = None
+        if data is not None:
+            self.costmap = LocalCostmap(load_map(data, self._settings.slow_zone_velocity), self._settings)
+
+    def configure(self, settings: NavigationSettings, footprint: Footprint) -> None:
+        """The body that must not touch anything, and the thresholds that suit it."""
+        self._settings, self._footprint = settings, footprint
+
+    def update(self, state: ChassisState) -> None:
+        """Take the newest measurements. ``pose`` is None afterwards unless the chassis is localised.
+
+        Raises ``ValueError`` before any odometry.
+        """
+        if state.odometry is None:
+            raise ValueError("no odometry yet")
+        self._odometry = se2.pose(state.odometry.pose)
+        seen = state.observation()
+        if seen is not None and state.pose is not None and state.pose.quality != QUALITY_LOST:
+            self._filter.update(seen)
+        self.pose = self._filter.pose if state.pose_trouble() is None else None
+        if self._watchdog.take(state.odometry.stamp, state.scan) and state.scan is not None:
+            self._look(state.scan, self._footprint)
+
+    def _look(self, scan: Scan, footprint: Footprint | None) -> None:
+        if footprint is None or self._odometry is None:
+            return
+        # The scan belongs to the newest instant or the one before it: odometry has moved by centimetres at most.
+        self._hits = se2.transformed(self._odometry, _hits(scan, self._settings.obstacle_range, footprint))
+        if self.pose is not None and self.costmap is not None:
+            self.costmap.look(scan, self._filter.at(scan.stamp), footprint)
+            self.costmap.refresh(self.pose)
+
+    def begin(self, stamp: int) -> None:
+        """A move begins: a scan that never came counts as missing from now."""
+        self._watchdog.begin(stamp)
+
+    def scan_fault(self, stamp: int) -> str | None:
+        """Why the scan cannot be trusted now; None if it can."""
+        return self._watchdog.fault(stamp)
+
+    def check_scan(self, stamp: int) -> None:
+        """Raises ``MoveFailed(CONTROL_COSTMAP_ERROR)`` if the scan has been missing for too long."""
+        self._watchdog.check(stamp)
+
+    def surroundings(self, stamp: int) -> Surroundings | None:
+        """For the braking guard; None when the scan cannot be trusted, so that nothing can be known to be free."""
+        if self._footprint is None or self._odometry is None or self.scan_fault(stamp) is not None:
+            return None
+        if self.pose is not None and self.costmap is not None:
+            return Surroundings(self.pose, self.costmap.obstacles(self.pose))
+        near = (np.abs(self._hits - self._odometry[:2]) < self._settings.safety_radius).all(axis=1)
+        return Surroundings(self._odometry, as_obstacles(self._hits[near], self._settings.hit_margin))
+
+    def costmap_message(self, stamp: int) -> Costmap | None:
+        """The local costmap as published; None without a map or a footprint."""
+        if self.costmap is None or self._footprint is None:
+            return None
+        grid = self.costmap.near
+        cost = cost_bytes(grid, self._footprint.inscribed, self._settings.inflation_radius)
+        g = grid.geometry
+        return Costmap(
+            stamp=stamp, origin=(g.x, g.y), resolution=g.resolution, columns=g.columns, cost=cost.reshape(-1)
+        )
+
+
+def _hits(scan: Scan, reach: float, footprint: Footprint) -> Array:
+    """Points that returned within ``reach`` metres and are no part of the body, (n, 2) in the chassis frame."""
+    ranges = scan.ranges.astype(np.float64)
+    angles = scan.angle_min + np.arange(ranges.size) * scan.angle_step
+    seen = (ranges > 0.0) & (ranges <= min(scan.range_max, reach))  # False for NaN
+    beams = ranges[seen, None] * np.column_stack([np.cos(angles[seen]), np.sin(angles[seen])])
+    points: Array = se2.transformed(se2.pose(scan.sensor), beams)
+    outside = (points @ footprint.edges[:, :2].T > footprint.edges[:, 2]).any(axis=1)
+    return points[outside]

@@ -1,0 +1,121 @@
+"""Where plans are made: beside the tick, because a long one takes seconds and a tick has milliseconds.
+
+One request at a time; a new one takes the place of the one before. The answer is taken by a later tick: in lockstep by
+the very next one, which waits for it, so that a run is the same on any machine; running free by the first one that
+finds it, while the chassis goes on with the plan it has.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from threading import Event
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.map.grid import Mask, StaticMap
+from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Plan, Target
+from rackhand.services.planner.settings import NavigationSettings
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """``static_only``: leave out observed obstacles. ``tight``: search with the footprint at once."""
+
+    start: Pose
+    target: Target
+    static_only: bool = False
+    tight: bool = False
+
+
+@dataclass(frozen=True)
+class PlanningScene:
+    """What is planned on: nothing in it changes while the worker reads it.
+
+    ``observed``: flat indices of the map's cells that hold an observed obstacle.
+    """
+
+    static: StaticMap
+    observed: NDArray[np.int64]
+    footprint: Footprint
+    settings: NavigationSettings
+
+    def blocked(self, static_only: bool) -> Mask:
+        """All cells that must be avoided."""
+        if static_only:
+            return self.static.blocked
+        mask = self.static.blocked.copy()
+        mask.reshape(-1)[self.observed] = True
+        return mask
+
+
+@dataclass(frozen=True)
+class PlanAnswer:
+    """A plan, or why there is none."""
+
+    request: PlanRequest
+    plan: Plan | None = None
+    no_path: NoPathFound | None = None
+
+
+@dataclass
+class _Job:
+    request: PlanRequest
+    future: Future[Plan]
+    cancelled: Event
+
+
+class PlanWorker:
+    """Runs requests on ``executor``, which has one thread. Not thread-safe itself: the tick's thread calls it."""
+
+    def __init__(self, executor: Executor) -> None:
+        self.lockstep = False
+        self._executor = executor
+        self._job: _Job | None = None
+
+    @property
+    def pending(self) -> PlanRequest | None:
+        """The request that has no answer yet."""
+        return None if self._job is None else self._job.request
+
+    def submit(self, request: PlanRequest, scene: PlanningScene) -> None:
+        """Begin a plan, in place of one that is pending."""
+        self.cancel()
+        cancelled = Event()
+        self._job = _Job(request, self._executor.submit(_plan, request, scene, cancelled), cancelled)
+
+    def cancel(self) -> None:
+        """Drop the pending request; its answer is never given."""
+        if self._job is not None:
+            self._job.cancelled.set()
+            self._job.future.cancel()
+            self._job = None
+
+    def collect(self) -> PlanAnswer | None:
+        """The answer, once. In lockstep waits for it; otherwise None while it is not there.
+
+        Whatever a plan raises but ``NoPathFound`` is raised here.
+        """
+        job = self._job
+        if job is None or not (self.lockstep or job.future.done()):
+            return None
+        self._job = None
+        try:
+            return PlanAnswer(job.request, plan=job.future.result())
+        except NoPathFound as no_path:
+            return PlanAnswer(job.request, no_path=no_path)
+
+
+def _plan(request: PlanRequest, scene: PlanningScene, cancelled: Event) -> Plan:
+    planner = GlobalPlanner(scene.static.geometry, scene.footprint, scene.settings)
+    steps = planner.search(request.start, request.target, scene.blocked(request.static_only), request.tight)
+    while not cancelled.is_set():
+        try:
+            next(steps)
+        except StopIteration as found:
+            return cast(Plan, found.value)
+    raise NoPathFound("budget", "the request was cancelled")
