@@ -125,6 +125,9 @@ class NavigationSettings:
     noise: PoseNoise = field(default_factory=PoseNoise)
     mppi: MppiSettings = field(default_factory=MppiSettings)
 
+    # a rack that is lifted without having been measured before: rows x, y of its outline in the chassis frame
+    default_rack: tuple[tuple[float, float], ...] = ((0.6, 0.45), (-0.6, 0.45), (-0.6, -0.45), (0.6, -0.45))
+
     # the map
     slow_zone_velocity: float = 0.4
     static_match_distance: float = 0.11  # a hit this near to a mapped obstacle is that obstacle
