@@ -28,6 +28,7 @@ SIZES = (15, 30, 50, 100)  # m, of a side
 TICKS = 450  # 18 s of driving in each hall
 NEW_GOAL = 150  # ticks between replaced moves
 PILLARS = 5.0  # m between pillars on the map
+PERIOD = 0.04  # s
 CRATES = 2.5  # m ahead of the chassis at which unmapped crates appear, one a goal: they block the route
 
 
@@ -80,6 +81,7 @@ def drive(size: float, settings: NavigationSettings) -> tuple[list[float], int]:
         chassis.on_message(chassis_model(BODY))
         chassis.set_driver_fault("")
         for tick in range(TICKS):
+            begun_at = time.monotonic()
             if tick % NEW_GOAL == 0:
                 plant.crates = []
                 measure(chassis, plant)
@@ -95,7 +97,9 @@ def drive(size: float, settings: NavigationSettings) -> tuple[list[float], int]:
             plant.drive(command.twist)
             if motion.move is not None:
                 taken.add((tick // NEW_GOAL, motion.move.status().plans))
-            time.sleep(0.002)  # gives the worker's thread the time it has on a robot
+            time.sleep(
+                max(0.0, begun_at + PERIOD - time.monotonic())
+            )  # so that the worker has the time it has on a robot
     return seconds, len({plan for plan in taken if plan[1] > 0})
 
 
