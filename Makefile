@@ -2,7 +2,7 @@
 # make test   runs the tests  (ARGS="tests/planner -k corridor" passes options on)
 # make lint   checks style, types and the rules of the house
 # make bench  runs the benchmarks (ARGS=bus picks one), beside other libraries where there are some
-# make docs   renews the generated tables in README.md and docs/
+# make docs   renews the generated tables in README.md and docs/, the AsyncAPI document and the access-control lists
 # Each makes its own environment in .venv first; it is made anew only when pyproject.toml changes.
 
 PYTHON ?= python3
@@ -31,7 +31,7 @@ lint: $(VENV)/.dev
 	@$(BIN)/lint-imports
 
 docs: $(VENV)/.dev
-	@$(BIN)/python -m rackhand.services.launch.reference README.md docs/*.md
+	@$(BIN)/python -m rackhand.services.launch.reference README.md docs/*.md docs/asyncapi.json docs/access.json5
 
 bench: $(VENV)/.bench
 	@$(BIN)/python -m benchmarks $(ARGS)

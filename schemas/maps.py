@@ -12,6 +12,7 @@ from rackhand.schemas.base import Message, Stamp, Vec2
 Overlays = dict[str, Any]
 """A GeoJSON FeatureCollection. ``properties`` of a feature hold its type code under ``type`` (Point), ``lineType``
 (LineString) or ``regionType`` (Polygon), as a number or as a string, and ``yaw`` in degrees."""
+Version = Annotated[int, Field(ge=0, lt=2**63)]
 
 
 class PointType(IntEnum):
@@ -141,16 +142,32 @@ class CreateMap(Message):
     png: bytes
     origin: Vec2
     resolution: Annotated[float, Field(gt=0)]
+    map_version: Version = 0
+    overlays_version: Version = 0
     overlays: Overlays = Field(default_factory=lambda: {"type": "FeatureCollection", "features": []})
 
 
+class ReplaceMap(Message):
+    """Overwrite a stored map with a whole one; it keeps its id, and its uid unless another is given. The map in use
+    stays as it is until it is selected again.
+    """
+
+    op: Literal["replace"] = "replace"
+    id: int
+    map: CreateMap
+
+
 class PatchMap(Message):
-    """New name or overlays. The running map keeps its old ones until it is selected again (as measured)."""
+    """New name, overlays or versions; new overlays without a version get the next one. The map in use keeps its old
+    ones until it is selected again (as measured).
+    """
 
     op: Literal["patch"] = "patch"
     id: int
     map_name: str | None = None
     overlays: Overlays | None = None
+    map_version: Version | None = None
+    overlays_version: Version | None = None
 
 
 class DeleteMap(Message):
@@ -175,7 +192,8 @@ class UseMapData(Message):
 
 class MapRequest(Message):
     request: Annotated[
-        ListMaps | GetMap | CreateMap | PatchMap | DeleteMap | SelectMap | UseMapData, Field(discriminator="op")
+        ListMaps | GetMap | CreateMap | ReplaceMap | PatchMap | DeleteMap | SelectMap | UseMapData,
+        Field(discriminator="op"),
     ]
 
 

@@ -1,4 +1,4 @@
-"""Moves of a chassis: what is asked, what is kept, what is told while one runs (seeds 000, 001, 004)."""
+"""Moves of a chassis: requests, stored moves, and the topics published while one runs (seeds 000, 001, 004)."""
 
 from __future__ import annotations
 
@@ -25,15 +25,22 @@ MoveType = Literal[
     "align_with_rack",
     "to_unload_point",
     "follow_target",
+    "parking",
+    "along_central_line",
 ]
 MOVE_TYPES: tuple[str, ...] = get_args(MoveType)
-DEPRECATED_MOVE_TYPES = frozenset({"leave_elevator", "pull_over"})
+DEPRECATED_MOVE_TYPES = frozenset({"leave_elevator", "pull_over", "parking", "along_central_line"})
+
+
+Name = Annotated[str, Field(max_length=1000)]
 
 
 class MoveCreate(Message):
-    """A move as a client asks for it. Metres, radians, map frame; ``none`` behaves like ``standard``."""
+    """A move as a client asks for it. Metres, radians, map frame; ``none`` behaves like ``standard``. ``properties``
+    are stored and returned as sent.
+    """
 
-    creator: str = "control_unit"
+    creator: Name = "control_unit"
     type: MoveType = "none"
     target_x: float | None = None
     target_y: float | None = None
@@ -41,15 +48,15 @@ class MoveCreate(Message):
     target_ori: float | None = None
     target_accuracy: Annotated[float, Field(ge=0)] | None = None
     use_target_zone: bool | None = None
-    route_coordinates: str | None = None
+    route_coordinates: Annotated[str, Field(max_length=100_000)] | None = None
     detour_tolerance: Annotated[float, Field(ge=0)] | None = None
-    charge_retry_count: Annotated[int, Field(ge=0)] = 0
-    rack_area_id: str | None = None
+    charge_retry_count: Annotated[int, Field(ge=0, le=1_000_000)] = 0
+    rack_area_id: Name | None = None
     properties: dict[str, Any] = Field(default_factory=dict)
 
 
 class Move(MoveCreate):
-    """A move as it is kept. Times are unix seconds; ``fail_reason`` is a ``MoveFailReason`` number."""
+    """A stored move. Times are unix seconds; ``fail_reason`` is a ``MoveFailReason`` number."""
 
     id: int
     state: MoveState
@@ -60,17 +67,13 @@ class Move(MoveCreate):
     is_charging: bool | None = None
 
 
-class MoveList(Message):
-    moves: tuple[Move, ...] = Field(strict=False)
-
-
 class CreateMove(Message):
     op: Literal["create"] = "create"
     move: MoveCreate
 
 
 class GetMove(Message):
-    """One move by id; without an id, the one that runs."""
+    """One move by id; without an id, the running one."""
 
     op: Literal["get"] = "get"
     id: int | None = None
@@ -85,7 +88,7 @@ class ListMoves(Message):
 
 
 class CancelMove(Message):
-    """Cancel the move that runs; with an id, only if it is that one."""
+    """Cancel the running move; with an id, only if it is that one."""
 
     op: Literal["cancel"] = "cancel"
     id: int | None = None

@@ -134,7 +134,8 @@ CHASSIS_STATUS = _chassis("chassis/status", chassis.ChassisStatus, "planner", ("
                           "mode, stops, alerts", ws.WheelState, ws.ChassisState, ws.Alerts)
 COMMAND = _chassis("chassis/command", chassis.ChassisCommand, "planner", ("driver", "viewer"), 25, Qos.COMMAND,
                    "body velocity and jack")
-COSTMAP = _chassis("chassis/costmap", chassis.Costmap, "planner", ("viewer",), 1, Qos.STREAM, "local costmap")
+COSTMAP = _chassis("chassis/costmap", chassis.Costmap, "planner", ("gateway", "viewer"), 1, Qos.STREAM,
+                   "local costmap", ws.CostmapFrame)
 PLANNING_STATE = _chassis("moves/planning_state", moves.PlanningState, "planner", ("gateway", "viewer"), 5,
                           Qos.LATCHED, "state of the current or last move", ws.PlanningStateFrame)
 PATH = _chassis("moves/path", moves.PlannedPath, "planner", ("gateway", "viewer"), 5, Qos.LATCHED, "the path ahead",
@@ -142,7 +143,7 @@ PATH = _chassis("moves/path", moves.PlannedPath, "planner", ("gateway", "viewer"
 MOVE_EVENT = _chassis("moves/event", moves.MoveEvent, "planner", ("viewer",), 0, Qos.EVENT,
                       "a move was created, replanned, blocked, ended")
 MAP = _chassis("map", maps.CurrentMap, "planner", ("gateway", "viewer"), 0, Qos.LATCHED, "map in use, with overlays",
-               ws.MapFrame, ws.MapInfo, ws.SlamState)
+               ws.MapFrame, ws.MapFileFrame, ws.MapInfo, ws.SlamState)
 
 ARM_STATE = _arm("arm/state", motion.ArmState, "driver", ("controller",), 500, Qos.STREAM,
                  "joint positions, velocities, efforts, flange wrench")

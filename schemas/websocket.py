@@ -80,7 +80,7 @@ class MotionMetrics(WsTopic):
 
 
 class PlanningStateFrame(WsTopic):
-    """state of the running or last move, remaining distance, fail reason, `stuck_state`"""
+    """state of the running or last move, remaining distance, fail reason and `message`, `stuck_state`"""
 
     TOPIC = "/planning_state"
     REPEATED = True
@@ -91,7 +91,7 @@ class PlanningStateFrame(WsTopic):
     move_state: str
     fail_reason: int
     fail_reason_str: str
-    fail_message: str | None = None
+    message: str | None = None
     remaining_distance: float
     target_poses: list[PoseFrame]
     charger_pose: PoseFrame
@@ -123,6 +123,31 @@ class MapFrame(WsTopic):
     size: tuple[int, int]
     origin: Xy
     data: str
+
+
+class MapFileFrame(WsTopic):
+    """the same as `/map`, with the PNG as a file: GET `data_url`, relative to the API's root"""
+
+    TOPIC = "/map_v2"
+
+    stamp: float
+    resolution: float
+    size: tuple[int, int]
+    origin: Xy
+    data_url: str
+
+
+class CostmapFrame(WsTopic):
+    """the local costmap as a PNG file: GET `data_url`; 0 free, 200 and more occupied, cells not known are 0"""
+
+    TOPIC = "/map/costmap_v2"
+    RATE = 1.0
+
+    stamp: float
+    resolution: float
+    size: tuple[int, int]
+    origin: Xy
+    data_url: str
 
 
 class MapInfo(WsTopic):

@@ -14,7 +14,8 @@ from rackhand.services.gateway.settings import Settings, parse_service
 
 EPILOG = """Examples:\n
   python -m rackhand.services.gateway\n
-  python -m rackhand.services.gateway --robot amr2 --port 8091\n
+  python -m rackhand.services.gateway --robot amr1 --robot amr2\n
+  python -m rackhand.services.gateway --name second --robot amr2 --port 8091\n
   python -m rackhand.services.gateway --host 0.0.0.0 --expect amr1/planner --expect world/sim\n
   python -m rackhand.services.gateway --arm arm1 --crf-port arm1=5000\n
 Everything else is set in the environment, as in RACKHAND_GATEWAY_SECRET=… or RACKHAND_GATEWAY_SERVICE_STATUS=201.
@@ -24,7 +25,16 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command(epilog=EPILOG)
 def main(
-    robot: Annotated[str | None, typer.Option(help="The robot this gateway is the API of (amr1).")] = None,
+    robot: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A mobile robot to serve (amr1); may be given several times. The first is the default robot, the "
+            "others are served under /robots/NAME."
+        ),
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Name of this gateway on the bus (cell); another one for each further gateway.")
+    ] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on (127.0.0.1: this machine only).")] = None,
     port: Annotated[int | None, typer.Option(help="TCP port to listen on (8090).")] = None,
     arm: Annotated[
@@ -39,14 +49,15 @@ def main(
     expect: Annotated[
         list[str] | None,
         typer.Option(
-            help="ROBOT/SERVICE that /healthz wants to see; may be given several times. "
-            "By default cell/router, world/sim, the robot's planner and the arms' controllers."
+            help="ROBOT/SERVICE that must be up for /healthz to answer 200; may be given several times. "
+            "By default cell/router, world/sim, the robots' planners and the arms' controllers."
         ),
     ] = None,
 ) -> None:
-    """HTTP and WebSocket for clients of one robot."""
+    """HTTP and WebSocket for clients of the robots of a cell."""
     given: dict[str, Any] = {
-        "robot": robot,
+        "name": name,
+        "robots": tuple(robot) if robot else None,
         "host": host,
         "port": port,
         "arms": tuple(arm) if arm else None,

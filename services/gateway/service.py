@@ -7,7 +7,8 @@ import contextlib
 import signal
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
 from functools import partial
 
 import uvicorn
@@ -17,24 +18,24 @@ from rackhand.bus import Bus, Inbox
 from rackhand.bus.log import configure_logging, get_logger
 from rackhand.schemas import topics
 from rackhand.schemas.motion import SessionGone
-from rackhand.schemas.service import CELL, ServiceId
-from rackhand.services.gateway.context import Context
-from rackhand.services.gateway.crf import hub as motion_hub
+from rackhand.schemas.service import ServiceId
+from rackhand.services.gateway.context import Context, Shared
 from rackhand.services.gateway.crf.hub import MotionHub
 from rackhand.services.gateway.crf.tcp import CrfPort
 from rackhand.services.gateway.crf.text import MAX_FRAME
+from rackhand.services.gateway.fleet import Fleet
 from rackhand.services.gateway.http.app import create_app
+from rackhand.services.gateway.presence import Services
 from rackhand.services.gateway.settings import Settings
-from rackhand.services.gateway.state import SUBSCRIPTIONS, State
-from rackhand.services.gateway.ws.broadcast import Hub
 
 log = get_logger(__name__)
 
-EVENTS_A_TURN = 32  # of the bus, after which clients get theirs
+EVENTS_A_TURN = 32  # events of the bus handled before clients are served again
+NAME_PATIENCE = 2.5  # seconds until the token of a gateway that was killed has surely expired
 
 
 class Server(uvicorn.Server):
-    """Tells when it listens; leaves signals to the service."""
+    """Calls ``on_listening`` when it accepts connections; leaves signals to the service."""
 
     def __init__(self, config: uvicorn.Config, on_listening: Callable[[], None]) -> None:
         super().__init__(config)
@@ -54,7 +55,7 @@ def run(settings: Settings) -> None:
     """Serve until a signal. Raises ``SystemExit`` where a port is taken."""
     configure_logging("gateway")
     with (
-        Bus(ServiceId("gateway", CELL)) as bus,
+        Bus(ServiceId("gateway", settings.name)) as bus,
         bus.inbox() as inbox,
         asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner,
     ):
@@ -62,60 +63,81 @@ def run(settings: Settings) -> None:
 
 
 async def _serve(settings: Settings, bus: Bus, inbox: Inbox) -> None:
-    state = State(settings.robot, settings.expected_services(), time.time())
-    app = create_app(state, bus, settings)
-    for topic, depth in SUBSCRIPTIONS.items() if settings.robot else ():
-        inbox.subscribe(topic, settings.robot, depth)
-    motion: MotionHub = app.state.context.motion
-    ended = {arm: bus.publisher(topics.MOTION_SESSION, arm) for arm in motion.arms}
-    motion.gone = lambda arm, session: ended[arm].put(SessionGone(session=session))
-    for arm in motion.arms:
-        for told in motion_hub.SUBSCRIPTIONS:
-            inbox.subscribe(told, arm)
-    inbox.watch_services()
+    services = Services(settings.expected_services(), time.time(), bus.service)
+    fleet = Fleet(settings.robots, settings.interval, services)
+    app = create_app(fleet, bus, settings)
+    shared: Shared = app.state.shared
+    fleet.subscribe(inbox)
+    _connect_motion(shared.motion, bus, inbox)
+    inbox.on_presence(lambda service, alive: services.on_presence(service, alive, time.time()))
 
     def listening() -> None:
         bus.announce()
-        log.info("listening", url=f"http://{settings.host}:{settings.port}", robot=settings.robot)
+        url = f"http://{settings.host}:{settings.port}"
+        log.info("listening", name=settings.name, url=url, robots=settings.robots, arms=settings.arms)
 
     server = Server(server_config(app, settings), listening)
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, setattr, server, "should_exit", True)
-    crf = await _open_crf_ports(app.state.context)
-    hub: Hub = app.state.context.hub
-    hearing = asyncio.create_task(_on_message(inbox, hub, motion))
-    # Deaf, the gateway would show stale things as present: it ends, and is started anew.
-    hearing.add_done_callback(lambda _: setattr(server, "should_exit", True))
+    reading = asyncio.create_task(_read(inbox))
+    # Without its reader the gateway would show old values as present ones: it ends, and the supervisor restarts it.
+    reading.add_done_callback(lambda _: setattr(server, "should_exit", True))
     try:
-        await server.serve()
+        await _check_name(services)
+        async with _crf_ports(shared):
+            await server.serve()
     finally:
-        for port in crf:
-            await port.close()
         inbox.stop()
-        await hearing
-        hub.close()
+        await reading
+        fleet.close()
 
 
-async def _open_crf_ports(context: Context) -> list[CrfPort]:
+def _connect_motion(motion: MotionHub, bus: Bus, inbox: Inbox) -> None:
+    """Events and streams of the arms in, closed connections out."""
+    ended = {arm: bus.publisher(topics.MOTION_SESSION, arm) for arm in motion.arms}
+    motion.gone = lambda arm, session: ended[arm].put(SessionGone(session=session))
+    for arm in motion.arms:
+        inbox.on(topics.MOTION_STREAM, motion.on_stream, arm)
+        inbox.on(topics.MOTION_EVENT, motion.on_event, arm)
+
+
+async def _check_name(services: Services) -> None:
+    """Two gateways must not share a liveliness token: one that dies would seem alive. Raises ``SystemExit``."""
+    await asyncio.sleep(0.2)  # the tokens that are there arrive at once
+    waited = 0.0
+    while services.is_alive(services.this) and waited < NAME_PATIENCE:
+        await asyncio.sleep(0.1)
+        waited += 0.1
+    if services.is_alive(services.this):
+        log.error("another gateway of this name is on the bus; choose another with --name", name=str(services.this))
+        raise SystemExit(1)
+
+
+@asynccontextmanager
+async def _crf_ports(shared: Shared) -> AsyncIterator[None]:
+    """The arms' TCP ports while the gateway serves. Raises ``SystemExit`` where one is taken."""
     opened: list[CrfPort] = []
-    for arm, number in context.settings.crf_ports.items():
-        port = CrfPort(arm, context.motion, partial(context.ask_arm, arm=arm))
-        host = context.settings.host
-        try:
-            number = await port.start(host, number)
-        except OSError as error:
-            log.error("the CRF port cannot be opened", arm=arm, host=host, port=number, error=str(error))
-            raise SystemExit(1) from None
-        log.info("CRF clients may connect", arm=arm, host=host, port=number)
-        opened.append(port)
-    return opened
+    try:
+        for arm, number in shared.settings.crf_ports.items():
+            port = CrfPort(arm, shared.motion, partial(Context(shared, "").ask_arm, arm=arm))
+            opened.append(port)
+            host = shared.settings.host
+            try:
+                number = await port.start(host, number)
+            except OSError as error:
+                log.error("the CRF port cannot be opened", arm=arm, host=host, port=number, error=str(error))
+                raise SystemExit(1) from None
+            log.info("CRF clients may connect", arm=arm, host=host, port=number)
+        yield
+    finally:
+        for port in opened:
+            await port.close()
 
 
-async def _on_message(inbox: Inbox, hub: Hub, motion: MotionHub) -> None:
+async def _read(inbox: Inbox) -> None:
     count = 0
     async for event in inbox.stream():
-        hub.on_message(event)
-        motion.on_message(event)
+        inbox.dispatch(event)
         count += 1
         if count % EVENTS_A_TURN == 0:
             await asyncio.sleep(0)

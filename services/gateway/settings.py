@@ -1,38 +1,35 @@
-"""What the gateway can be told, from options and the environment."""
+"""Settings of the gateway, from options and the environment."""
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from rackhand.schemas.service import CELL, WORLD, ServiceId
+from rackhand.schemas.topics import websocket_topics
+from rackhand.schemas.websocket import DEFAULT_RATE
 
-# Hz of wall time, as measured on a real Longjack; the pose as its makers promise it. Others go out at DEFAULT_RATE.
-RATES = {
-    "/tracked_pose": 10.0,
-    "/motion_metrics": 10.0,
-    "/scan_matched_points2": 2.0,
-    "/slam/state": 1.0,
-    "/battery_state": 1.0,
-    "/jack_state": 2.0,
-}
-DEFAULT_RATE = 5.0
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,60}")
 
 
 class Settings(BaseSettings):
     """Each field may come from the environment as ``RACKHAND_GATEWAY_<FIELD>``.
 
-    ``expect`` names the services (``robot/service``) without which the cell is not up. ``secret``, when set, is wanted
-    in every request's ``Secret`` header. ``service_status`` is what a service that was executed answers: the
-    documentation says 201, clients in the field test for 200. ``rates`` are the most frames a second of a WebSocket
-    topic; changes of state are never held back. ``crf_ports`` are the arms that also listen to CRF's packet framing.
+    ``name`` tells several gateways on one bus apart. ``robots`` are the chassis it serves; the first is the default,
+    whose API has no prefix. ``expect`` names the services (``robot/service``) without which the cell is not up.
+    ``secret``, when set, is required in every request's ``Secret`` header. ``service_status`` is the status of a
+    service that was executed: the documentation says 201, clients in the field test for 200. ``rates`` are the most
+    frames a second of a WebSocket topic; changes of state are not held back. ``crf_ports`` are the arms that also
+    listen to CRF's packet framing.
     """
 
     model_config = SettingsConfigDict(env_prefix="RACKHAND_GATEWAY_", frozen=True)
 
-    robot: str = Field(default="", description="the chassis; amr1 where neither it nor an arm is named")
+    name: str = CELL
+    robots: tuple[str, ...] = Field(default=(), description="amr1 where neither a robot nor an arm is named")
     arms: tuple[str, ...] = ()
     crf_ports: dict[str, Annotated[int, Field(ge=0, le=65535)]] = Field(
         default_factory=dict, description="TCP port of each such arm; 0 is any free one"
@@ -46,25 +43,31 @@ class Settings(BaseSettings):
     call_timeout: Annotated[float, Field(gt=0, description="seconds to wait for an answer from the bus")] = 2.0
     motion_timeout: Annotated[float, Field(gt=0, description="seconds to wait for an arm's answer")] = 10.0
     planning_state_timeout: Annotated[
-        float, Field(ge=0, description="seconds POST waits, at most, until /planning_state tells of the new move")
+        float, Field(ge=0, description="seconds POST waits, at most, until /planning_state shows the new move")
     ] = 0.25
     max_body_bytes: Annotated[int, Field(gt=0)] = 32 * 1024 * 1024
     rates: dict[str, Annotated[float, Field(gt=0)]] = Field(
-        default_factory=dict, description="overrides the measured rates, Hz"
+        default_factory=dict, description="overrides of the most frames a second, by WebSocket topic"
     )
 
     @model_validator(mode="before")
     @classmethod
-    def _somebody(cls, given: Any) -> Any:
-        if isinstance(given, dict) and not given.get("robot") and not given.get("arms"):
-            return {**given, "robot": "amr1"}
+    def _default_robot(cls, given: Any) -> Any:
+        if isinstance(given, dict) and not given.get("robots") and not given.get("arms"):
+            return {**given, "robots": ("amr1",)}
         return given
 
     @model_validator(mode="after")
+    def _names(self) -> Self:
+        if wrong := [name for name in (self.name, *self.robots, *self.arms) if not _NAME.fullmatch(name)]:
+            raise ValueError(f"{wrong[0]!r} is not a name: want 1 … 60 letters, digits, '_' or '-'")
+        return self
+
+    @model_validator(mode="after")
     def _crf_ports_of_arms(self) -> Self:
-        if strangers := [arm for arm in self.crf_ports if arm not in self.arms]:
+        if unknown := [arm for arm in self.crf_ports if arm not in self.arms]:
             raise ValueError(
-                f"crf_ports: {', '.join(strangers)} is none of the arms ({', '.join(self.arms) or 'none'})"
+                f"crf_ports: {', '.join(unknown)} is not one of the arms ({', '.join(self.arms) or 'none'})"
             )
         if self.crf_ports and self.secret:
             raise ValueError("crf_ports: CRF's framing carries no secret, so a gateway with one cannot offer it")
@@ -72,11 +75,12 @@ class Settings(BaseSettings):
 
     def interval(self, topic: str) -> float:
         """Least seconds of wall time between two frames of a WebSocket topic."""
-        return 1.0 / self.rates.get(topic, RATES.get(topic, DEFAULT_RATE))
+        rate = next((view.RATE for view in websocket_topics() if topic == view.TOPIC), DEFAULT_RATE)
+        return 1.0 / self.rates.get(topic, rate)
 
     def expected_services(self) -> tuple[ServiceId, ...]:
-        """What must be there for the cell to be up: by default, all of the default cell."""
-        actors = (*((f"{self.robot}/planner",) if self.robot else ()), *(f"{arm}/controller" for arm in self.arms))
+        """The services without which the cell is not up: by default, all that move something, and the sim."""
+        actors = (*(f"{robot}/planner" for robot in self.robots), *(f"{arm}/controller" for arm in self.arms))
         named = self.expect or (f"{CELL}/router", f"{WORLD}/sim", *actors)
         return tuple(parse_service(text) for text in named)
 

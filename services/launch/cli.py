@@ -11,7 +11,8 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from rackhand.services.launch import reference
+from rackhand.services.launch import access_control, reference
+from rackhand.services.launch import asyncapi as contract
 from rackhand.services.launch.cell import CELL_FILE, CannotStart, run_cell
 from rackhand.services.launch.health import Health, ask_health
 from rackhand.services.launch.motion import CannotAsk, send_command
@@ -202,11 +203,21 @@ def view(
         _fail(str(error))
 
 
-@app.command(epilog=_examples("rackhand topics", "rackhand topics --markdown > topics.md"))
+@app.command(
+    epilog=_examples(
+        "rackhand topics", "rackhand topics --markdown > topics.md", "rackhand topics --asyncapi > asyncapi.json",
+        "rackhand topics --access > access.json5",
+    )
+)  # fmt: skip
 def topics(
     markdown: Annotated[bool, typer.Option("--markdown", help="as Markdown tables")] = False,
+    asyncapi: Annotated[bool, typer.Option("--asyncapi", help="as an AsyncAPI 3 document (JSON)")] = False,
+    access: Annotated[bool, typer.Option("--access", help="as Zenoh access control of each role (JSON5)")] = False,
 ) -> None:
     """Print the contract: every topic and query on the bus."""
+    if asyncapi or access:
+        typer.echo(contract.text() if asyncapi else access_control.text(), nl=False)
+        return
     show = reference.markdown if markdown else reference.plain
     typer.echo(f"{show(reference.topic_table())}\n\n{show(reference.query_table())}")
 

@@ -206,10 +206,10 @@ def _controller_arguments(options: CellOptions, arm: str, kind: str) -> tuple[st
 
 
 def _gateway_arguments(options: CellOptions, world: World) -> tuple[str, ...]:
-    """The gateway is the API of the first chassis, and healthy when all that act are there."""
+    """The gateway serves every robot, the first as the default one, and is healthy when all that move are up."""
     arguments = ["--host", options.http.host, "--port", str(options.http.port)]
-    if world.robots:
-        arguments += ["--robot", next(iter(world.robots))]
+    for robot in world.robots:
+        arguments += ["--robot", robot]
     for arm in world.arms:
         arguments += ["--arm", arm]
     for arm, address in options.crf.items():

@@ -1,4 +1,4 @@
-"""Reference tables for readers, made from the contract: topics, queries, reasons why moves fail."""
+"""Reference tables, generated from the contract: topics, queries, WebSocket topics, reasons why moves fail."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from typing import Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from rackhand.schemas import crf_requests as crf
+from rackhand.schemas import topics
 from rackhand.schemas.base import Message
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.motion import RefusalDetail
-from rackhand.schemas.topics import QUERIES, TOPICS
+from rackhand.services.launch import access_control, asyncapi
 
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
@@ -33,7 +34,7 @@ def topic_table() -> Table:
             ", ".join(f"`{view.TOPIC}`" for view in topic.ws) or "–",
             topic.text,
         )
-        for topic in TOPICS
+        for topic in topics.TOPICS
     ]
     return header, rows
 
@@ -42,9 +43,19 @@ def query_table() -> Table:
     """Header and rows of all queries."""
     header: tuple[str, ...] = ("key", "request", "reply", "answered by", "asked by", "what")
     rows: list[tuple[str, ...]] = [
-        (_shown(q.key), _type(q.request), _type(q.reply), q.server, ", ".join(q.callers), q.text) for q in QUERIES
+        (_shown(q.key), _type(q.request), _type(q.reply), q.server, ", ".join(q.callers), q.text)
+        for q in topics.QUERIES
     ]
     return header, rows
+
+
+def websocket_table() -> Table:
+    """Header and rows of the gateway's chassis WebSocket."""
+    header: tuple[str, ...] = ("topic", "what", "at most", "on `/ws/topics`")
+    return header, [
+        (f"`{view.TOPIC}`", view.__doc__ or "", f"{view.RATE:g} Hz", f"`{view.LEGACY}`" if view.LEGACY else "the same")
+        for view in topics.websocket_topics()
+    ]
 
 
 def fail_reason_table() -> Table:
@@ -57,7 +68,7 @@ def fail_reason_table() -> Table:
 
 
 def crf_request_table() -> Table:
-    """Header and rows of what a CRF client may ask."""
+    """Header and rows of the requests of CRF clients."""
     header: tuple[str, ...] = ("command", "fields", "answer", "what")
     return header, [
         (
@@ -121,6 +132,7 @@ def plain(table: Table) -> str:
 BLOCKS: dict[str, Callable[[], Table]] = {
     "topics": topic_table,
     "queries": query_table,
+    "websocket": websocket_table,
     "fail-reasons": fail_reason_table,
     "crf-requests": crf_request_table,
     "crf-refusals": refusal_table,
@@ -129,7 +141,7 @@ _BLOCK = re.compile(r"(<!-- generated: (?P<name>[a-z-]+) -->\n).*?(<!-- end -->)
 
 
 def refresh(text: str) -> str:
-    """A Markdown page with its generated blocks made anew. Raises ``KeyError`` for a block of an unknown name."""
+    """A Markdown page with its generated blocks renewed. Raises ``KeyError`` for a block of an unknown name."""
     return _BLOCK.sub(lambda block: f"{block[1]}{markdown(BLOCKS[block['name']]())}\n{block[3]}", text)
 
 
@@ -141,12 +153,21 @@ def _type(model: type[Message]) -> str:
     return f"`{model.__module__.removeprefix('rackhand.schemas.')}.{model.__name__}`"
 
 
+def files() -> dict[str, Callable[[], str]]:
+    """Whole files that are generated, by their names in the folder of pages."""
+    return {"asyncapi.json": asyncapi.text, "access.json5": access_control.text}
+
+
 def main() -> None:
-    """``python -m rackhand.services.launch.reference FILE…`` renews the generated blocks of Markdown pages in place."""
+    """``python -m rackhand.services.launch.reference FILE…`` renews the generated blocks of Markdown pages in place.
+
+    A file of a name in ``files`` is renewed as a whole.
+    """
     for name in sys.argv[1:]:
         page = Path(name)
-        old = page.read_text(encoding="utf-8")
-        if (new := refresh(old)) != old:
+        old = page.read_text(encoding="utf-8") if page.exists() else ""
+        make = files().get(page.name)
+        if (new := make() if make is not None else refresh(old)) != old:
             page.write_text(new, encoding="utf-8")
             print(f"renewed {name}")
 

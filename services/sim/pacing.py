@@ -170,6 +170,11 @@ class Pacer:
             participant.newest = max(participant.newest, answers)
             participant.lagging = False
 
+    def is_read(self, robot: str, stamp: int) -> bool:
+        """Whether a period of the robot's commander begins at ``stamp``, or nobody has declared any."""
+        participant = self._commander(robot)
+        return participant is None or stamp % participant.period_ns == 0
+
     def missing(self, stamp: int) -> list[ServiceId]:
         """Who must join or answer before the control step at ``stamp`` begins, however long that takes."""
         absent = list(self._awaited) if stamp == 0 else []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from typing import Any
 
 from rackhand.bus import Bus, Publisher, Request
@@ -16,6 +17,7 @@ from rackhand.schemas.service import WORLD, ServiceId
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import WorldReply, WorldRequest
 from rackhand.services.sim.session import Session
+from rackhand.services.sim.simulation import Output
 from rackhand.worlds.world_model import CONTROL_STEP_NS
 
 log = get_logger(__name__)
@@ -66,7 +68,7 @@ class SimService:
         match decision.kind:
             case "step":
                 self._session.step()
-                self._publish_outputs()
+                self._publish_all(self._session.outputs)
                 if simulation.stamp % CONTROL_STEP_NS == 0:
                     self._publish_clock()
             case "republish":
@@ -126,11 +128,11 @@ class SimService:
         self._publishers[topic, robot].put(message)
 
     def _publish_step(self) -> None:
-        self._publish_outputs()
+        self._publish_all(self._session.simulation.outputs)
         self._publish_clock()
 
-    def _publish_outputs(self) -> None:
-        for output in self._session.simulation.outputs:
+    def _publish_all(self, outputs: Iterable[Output]) -> None:
+        for output in outputs:
             self._publish(output.topic, output.robot, output.message)
 
     def _publish_clock(self) -> None:

@@ -28,7 +28,7 @@ from rackhand.schemas.world import (
 from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
 from rackhand.services.sim.errors import unknown
 from rackhand.services.sim.pacing import CommandSchedule, Pacer
-from rackhand.services.sim.simulation import Simulation
+from rackhand.services.sim.simulation import Output, Simulation
 from rackhand.worlds.world_model import CONTROL_STEP_NS
 
 # Whose commands a participant's answers are: one service commands a chassis, another an arm.
@@ -105,6 +105,12 @@ class Session:
         for robot, command in self._schedule.take_due(self.simulation.stamp):
             self.simulation.apply(robot, command)
         self.simulation.step()
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """What to publish of the present control step: the state of an arm at each period of its controller only."""
+        simulation = self.simulation
+        return simulation.outputs_with(arm for arm in simulation.arms if self.pacer.is_read(arm, simulation.stamp))
 
     def gone(self, service: ServiceId) -> bool:
         """The liveliness token of a service has vanished: its commands no longer count. True if it took part."""

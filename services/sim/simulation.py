@@ -1,11 +1,12 @@
-"""The world at run time: what is done to it, one control instant after the other, and what it says at each."""
+"""The simulated world at run time: requests that change it, control steps, and the measurements due at each."""
 
 from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any
 
 import mujoco
@@ -14,11 +15,12 @@ import numpy as np
 from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import ChassisCommand, LocalisedPose, Odometry, Scan
-from rackhand.schemas.motion import ArmCommand, ArmModel, ArmState
+from rackhand.schemas.motion import ArmCommand, ArmModel
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import WORLD
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, Place, Scene
+from rackhand.services.sim import physics
 from rackhand.services.sim.actors.obstacles import PERSON_SIZE, Obstacles
 from rackhand.services.sim.actors.walkers import Walker, is_in_way, make_route
 from rackhand.services.sim.arm.arm import Arm
@@ -27,6 +29,7 @@ from rackhand.services.sim.chassis.robot import Robot, hull_touches
 from rackhand.services.sim.errors import PhysicsError, unknown
 from rackhand.services.sim.mjcf.layers import ARM_BIT, ITEM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
 from rackhand.services.sim.mjcf.scene import build_model
+from rackhand.services.sim.physics import Physics
 from rackhand.services.sim.world import scenery
 from rackhand.services.sim.world.contact_log import ContactLog
 from rackhand.worlds.arm_model import load_arm_descriptions
@@ -34,7 +37,7 @@ from rackhand.worlds.chassis_model import ChassisProfile
 from rackhand.worlds.data import PoseTuple, WorldFileError
 from rackhand.worlds.world_model import CONTROL_STEP_NS, Mover, Walk, World
 
-SETTLING_INSTANTS = 15
+SETTLING_STEPS = 15
 FARTHEST = 1000.0
 NOISE = NoiseSettings()
 _FATAL_WARNINGS = (
@@ -54,11 +57,10 @@ class Output:
 
 
 class Simulation:
-    """A world from its start on. Beginning anew is making another one: the same seed then gives the same bytes.
+    """A world from stamp 0 on. A reset builds another one: the same seed gives the same bytes.
 
-    ``step`` goes on by one control instant (20 ms; 2 ms where there are arms); ``outputs`` is what is due at the
-    present one, in the order of the contract, and stays the same until the next step, so that an instant can be told
-    again.
+    ``step`` takes one control step (20 ms; 2 ms where there are arms); ``outputs`` is what is due after it, in the
+    order of the contract, and stays the same until the next step, so that it can be published again.
     """
 
     def __init__(
@@ -76,6 +78,10 @@ class Simulation:
             name: Arm(name, kind, world.arms[name].home or kind.home, self.model, self.data)
             for name, kind in kinds.items()
         }
+        self._ctrl, self._qpos, self._qvel = self.data.ctrl, self.data.qpos, self.data.qvel
+        servos = [arm.compiled_servo for arm in self.arms.values()]
+        self._physics = Physics(self.model, self.data, servos) if servos and physics.is_available() else None
+        self._segments_ended = True
         self._settle()
         docks = tuple(charger.dock for charger in world.chargers.values())
         self.robots = {
@@ -93,20 +99,31 @@ class Simulation:
             self._populate()
         except (RequestRefused, ValueError) as error:
             raise WorldFileError(f"world {world.name}: {error}") from None
-        self._finish_instant()
+        self._finish_step()
 
     @property
     def digest(self) -> str:
-        """A hash over all instants so far: their stamps, states (qpos, qvel, act, poses of what is on scripts), scans,
+        """A hash over all control steps so far: their stamps, states (qpos, qvel, act, poses of actors), scans,
         odometry, localised poses and arm states.
         """
         return self._hash.copy().hexdigest()
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        return self._outputs
+        """All that is due at the present control step, in the order of the contract."""
+        return self.outputs_with(self.arms)
 
-    # -- what is done to the world -----------------------------------------------------------------------------------
+    def outputs_with(self, arms: Iterable[str]) -> tuple[Output, ...]:
+        """What is due now, with the states of these arms only. Odometry is the last of its robot, and of the step."""
+        return (*self._before, *(self._arm_output(name) for name in arms), *self._after)
+
+    def _arm_output(self, name: str) -> Output:
+        """Made when it is asked for: not all states of an arm are published."""
+        if name not in self._arm_states:
+            self._arm_states[name] = Output(topics.ARM_STATE, name, self.arms[name].state(self.stamp))
+        return self._arm_states[name]
+
+    # -- commands and requests ---------------------------------------------------------------------------------------
 
     def command(self, robot: str, command: ChassisCommand | ArmCommand) -> bool:
         """Take a command and let it take effect at once. False if ``admit`` refuses it."""
@@ -133,7 +150,7 @@ class Simulation:
             self.robots[robot].command = command
 
     def silence(self, robot: str) -> None:
-        """Nobody commands the robot any more: it brakes at once, without waiting for its last command to grow stale."""
+        """The robot has no commander any more: it brakes at once, before its last command becomes stale."""
         if robot in self.robots:
             self.robots[robot].command = None
         if robot in self.arms:
@@ -208,19 +225,19 @@ class Simulation:
     # -- time --------------------------------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Go on by one control instant with the newest commands."""
+        """Take one control step with the commands that are in force."""
         into = self.stamp % CONTROL_STEP_NS
         if into == 0:
-            self._begin_chassis_instant()
+            self._begin_chassis_step()
         for arm in self.arms.values():
             arm.begin(self.stamp)
         first = into // self.control_step_ns * self._steps
         self._run(self._controls[first : first + self._steps])
         self.stamp += self.control_step_ns
         self._check_physics()
-        self._finish_instant()
+        self._finish_step()
 
-    def _begin_chassis_instant(self) -> None:
+    def _begin_chassis_step(self) -> None:
         """What the chassis' drives do, and where people go, in the next 20 ms."""
         dt = CONTROL_STEP_NS * 1e-9
         for robot in self.robots.values():
@@ -228,20 +245,36 @@ class Simulation:
         self._move_walkers(dt)
 
     def _run(self, controls: np.ndarray[Any, Any]) -> None:
-        """Step by step, so that no contact is too short for the log: 3 µs of Python beside some 25 µs of physics."""
-        model, data, step_ns = self.model, self.data, round(self.world.timestep * 1e9)
-        for i, row in enumerate(controls):
-            data.ctrl[:] = row
-            self._step_physics()
-            for name, index in self.contact_log.observe(model, data, self.stamp + i * step_ns):
-                if name in self.robots:
-                    self.robots[name].bump(data.contact[index])
+        """Physics step by physics step, so that no contact is too short for the log."""
+        step = self._physics_step()
+        stamp, step_ns = self.stamp, round(self.world.timestep * 1e9)
+        for row in controls:
+            self._ctrl[:] = row
+            step()
+            if self.contact_log.touches(self.data):
+                for name, index in self.contact_log.observe(self.model, self.data, stamp):
+                    if name in self.robots:
+                        self.robots[name].bump(self.data.contact[index])
+            stamp += step_ns
 
-    def _step_physics(self) -> None:
-        """One step; the servos of arms stand in its middle, where the forces to be compensated are known."""
+    def _physics_step(self) -> Callable[[], None]:
+        """The fastest way to take the physics steps of this control step."""
         if not self.arms:
-            mujoco.mj_step(self.model, self.data)
-            return
+            return partial(mujoco.mj_step, self.model, self.data)
+        if self._physics is None or not all(arm.only_follows for arm in self.arms.values()):
+            return self._step_with_servos
+        return self._step_compiled
+
+    def _step_compiled(self) -> None:
+        assert self._physics is not None
+        if self._segments_ended:
+            for arm in self.arms.values():
+                arm.continue_reference()
+        self._segments_ended = self._physics.step()
+
+    def _step_with_servos(self) -> None:
+        """The servos of arms run in the middle of a step, where the forces to be compensated are known."""
+        self._segments_ended = True  # they may have, at the next step
         mujoco.mj_step1(self.model, self.data)
         for arm in self.arms.values():
             arm.servo()
@@ -249,41 +282,50 @@ class Simulation:
 
     def _settle(self) -> None:
         """Let the wheels take the weight before time begins. Racks sleep meanwhile."""
-        for _ in range(SETTLING_INSTANTS * len(self._controls)):
-            self._step_physics()
+        step = self._physics_step()
+        for _ in range(SETTLING_STEPS * len(self._controls)):
+            step()
         self.data.time = 0.0
 
     def _check_physics(self) -> None:
-        """MuJoCo meets a state that is not finite by starting over, silently: that must not pass for a run."""
+        """MuJoCo meets a state that is not finite by starting over at time 0, silently: such a run must end."""
+        if self.data.time > (self.stamp - self.control_step_ns / 2) * 1e-9:
+            return
         counts = self.data.warning.number
-        for warning in _FATAL_WARNINGS:
-            if counts[warning]:
-                raise PhysicsError(f"the physics came apart at stamp {self.stamp}: {warning.name}")
+        found = ", ".join(warning.name for warning in _FATAL_WARNINGS if counts[warning])
+        raise PhysicsError(f"the physics became unstable at stamp {self.stamp}: {found}")
 
-    def _finish_instant(self) -> None:
-        state = [self.data.qpos, self.data.qvel]
+    def _finish_step(self) -> None:
+        """Measure what is due, and add the state and all measurements to the digest."""
+        update = self._hash.update
+        update(self.stamp.to_bytes(8, "little"))
+        update(self._qpos)
+        update(self._qvel)
+        self._arm_states: dict[str, Output] = {}
+        before: list[Output] = []
+        after: list[Output] = []
         if self.stamp % CONTROL_STEP_NS == 0:
             self._kinematics()
-            state += [self.data.act, self.data.mocap_pos, self.data.mocap_quat]
-        self._hash.update(self.stamp.to_bytes(8, "little"))
-        for part in state:
-            self._hash.update(part.tobytes())
-        self._outputs = tuple(self._due())
-        for output in self._outputs:
-            self._hash.update(_measured(output.message))
+            for part in (self.data.act, self.data.mocap_pos, self.data.mocap_quat):
+                update(part)
+            before, after = self._measure_chassis()
+        for output in before:
+            update(_measured(output.message))
+        for arm in self.arms.values():
+            for values in arm.measured():
+                update(values.data)
+        for output in after:
+            update(_measured(output.message))
+        self._before, self._after = before, after
 
     def _kinematics(self) -> None:
         """Frames of what is now: a step leaves those of its beginning."""
         mujoco.mj_kinematics(self.model, self.data)
 
-    # -- what the world says -----------------------------------------------------------------------------------------
+    # -- measurements ------------------------------------------------------------------------------------------------
 
-    def _due(self) -> list[Output]:
-        """What is due now, in the order of the contract: odometry is the last of its robot, and of the instant."""
-        arms = [Output(topics.ARM_STATE, name, arm.state(self.stamp)) for name, arm in self.arms.items()]
-        return arms if self.stamp % CONTROL_STEP_NS else self._due_of_chassis(arms)
-
-    def _due_of_chassis(self, arms: list[Output]) -> list[Output]:
+    def _measure_chassis(self) -> tuple[list[Output], list[Output]]:
+        """What is due now: all but odometry, and odometry."""
         stamp, outputs = self.stamp, []
         dt = CONTROL_STEP_NS * 1e-9 if stamp else 0.0
         for name, robot in self.robots.items():
@@ -304,10 +346,8 @@ class Simulation:
                 outputs.append(Output(topics.CONTACTS, name, robot.contacts(stamp)))
         if _is_due(topics.OBJECTS, stamp):
             outputs.append(Output(topics.OBJECTS, WORLD, self.objects()))
-        outputs += arms
-        for name, robot in self.robots.items():
-            outputs.append(Output(topics.ODOMETRY, name, robot.odometry(stamp, dt)))
-        return outputs
+        odometry = [Output(topics.ODOMETRY, name, robot.odometry(stamp, dt)) for name, robot in self.robots.items()]
+        return outputs, odometry
 
     def objects(self) -> Objects:
         """True poses of all that can move."""
@@ -372,7 +412,12 @@ class Simulation:
 
 def _is_due(topic: Topic[Any], stamp: int) -> bool:
     """Whether the stamp is a multiple of the topic's period."""
-    return stamp % round(1e9 / topic.rate) == 0
+    return stamp % _period(topic.rate) == 0
+
+
+@cache
+def _period(rate: float) -> int:
+    return round(1e9 / rate)
 
 
 def _measured(message: Any) -> bytes:
@@ -382,8 +427,6 @@ def _measured(message: Any) -> bytes:
             return message.ranges.tobytes()
         case Odometry() | LocalisedPose():
             return np.array([message.pose.x, message.pose.y, message.pose.yaw]).tobytes()
-        case ArmState():
-            return np.array([message.q, message.dq, message.efforts]).tobytes()
         case _:
             return b""
 

@@ -1,4 +1,4 @@
-"""An arm: its tool, its way, how well its controller follows, who holds control."""
+"""An arm: its tool, its path, tracking errors, who holds control."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Stand:
 
 
 class ArmView:
-    """Remembers the tool's trail and what was said last. Until its model comes, the arm stands at the map's origin."""
+    """Keeps the tool's trail and the last logged states. Until its model arrives, it is drawn at the map's origin."""
 
     def __init__(self, robot: str) -> None:
         self.robot = robot
@@ -70,7 +70,7 @@ class ArmView:
         return told_frame(self.robot, name)
 
     def begin(self) -> Iterable[Item]:
-        """What holds for as long as the arm is drawn: axes of its frames, and the names of its curves."""
+        """Static items: axes of the arm's frames, and the names of its curves."""
         yield Drawing(self._at("name"), (name_tag(self.robot, NAME_HEIGHT),), frame=self._frame("mount"), static=True)
         for name, length in _AXES.items():
             yield Drawing(

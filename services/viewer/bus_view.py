@@ -1,4 +1,4 @@
-"""The bus: who is there, and how well each hears."""
+"""The bus: liveliness of services, and how many messages each receives and loses."""
 
 from __future__ import annotations
 
@@ -42,4 +42,4 @@ def _curves(who: str) -> Iterable[Item]:
 
 
 def presence(service: ServiceId, alive: bool) -> Note:
-    return Note(BUS_LOG, f"{service} is {'there' if alive else 'gone'}", "INFO" if alive else "WARN")
+    return Note(BUS_LOG, f"{service} is {'up' if alive else 'down'}", "INFO" if alive else "WARN")

@@ -1,9 +1,8 @@
-"""A chassis: what it measures, believes, plans and tells, as shapes, curves and lines of a log."""
+"""A chassis: its measurements, pose, plans and events, as shapes, curves and lines of a log."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterable
 
 import numpy as np
@@ -27,27 +26,27 @@ from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import CurrentMap
 from rackhand.schemas.moves import MoveEvent, PlannedPath, PlanningState
 from rackhand.schemas.planar import yaw_quaternion
+from rackhand.schemas.scan_points import ScanPairing, scan_points
 from rackhand.services.viewer import colours
 from rackhand.services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
 from rackhand.services.viewer.maps import map_drawings
 from rackhand.services.viewer.shapes import curves, ink, line, name_tag, pen
 from rackhand.services.viewer.trail import Trail
 
-# Heights that keep flat things apart (m): a costmap over the map, lines over both. A 2-D lidar tells no height of its
-# own; its returns are drawn about as high as a low chassis carries one.
+# Heights that keep flat things apart (m): a costmap over the map, lines over both. A 2-D scan has no height; its
+# returns are drawn at about the height of a low chassis' lidar.
 COSTMAP_Z, LINE_Z, SCAN_Z = 0.012, 0.03, 0.18
 NAME_HEIGHT = 1.2
 TRAIL_STEP, TRAIL_POINTS = 0.1, 500
-KNOWN_POSES = 8
-SPEED_DIGITS = 4  # beyond them is the encoders' noise, which would fill the plot of a robot that stands
+SPEED_DIGITS = 4  # beyond them is the encoders' noise, which would fill the plot of a robot at rest
 
 
 class ChassisView:
-    """Remembers what is needed to draw the next message: recent poses, the trail, what was said last."""
+    """Keeps what the next message is drawn with: recent poses, the trail, the last logged states."""
 
     def __init__(self, robot: str) -> None:
         self.robot = robot
-        self._poses: deque[LocalisedPose] = deque(maxlen=KNOWN_POSES)
+        self._pairing = ScanPairing()
         self._trail = Trail(TRAIL_STEP, TRAIL_POINTS)
         self._status: ChassisStatus | None = None
         self._contacts: Contacts | None = None
@@ -55,14 +54,14 @@ class ChassisView:
 
     @property
     def frame(self) -> str:
-        """Where the robot believes to be."""
+        """The frame of the localised pose."""
         return told_frame(self.robot, "localised")
 
     def _at(self, name: str) -> str:
         return f"{self.robot}/{name}"
 
     def begin(self) -> Iterable[Item]:
-        """What holds for as long as the robot is drawn: the names of its curves."""
+        """Static items: the name tag, the names of the curves."""
         yield Drawing(self._at("name"), (name_tag(self.robot, NAME_HEIGHT),), frame=self.frame, static=True)
         for entity, name, colour in _CURVES:
             yield curves(self._at(entity), [name], [colour])
@@ -70,28 +69,27 @@ class ChassisView:
     # -- body and pose -----------------------------------------------------------------------------------------------
 
     def model(self, model: ChassisModel) -> Iterable[Item]:
-        """The outline that must not touch anything, with the wheels, where the robot believes to be."""
+        """The footprint with the wheels, at the localised pose."""
         strips = [*prism(model.footprint, model.height), *wheels(model)]
         lines = rr.LineStrips3D(strips, colors=ink(colours.FOOTPRINT), radii=pen(1.2))
         yield Drawing(self._at("footprint"), (lines,), frame=self.frame, static=True)
 
     def pose(self, message: LocalisedPose) -> Iterable[Item]:
-        self._poses.append(message)
         pose = message.pose
         yield Pose(self.frame, (pose.x, pose.y, 0.0), yaw_quaternion(pose.yaw))
         if self._trail.add((pose.x, pose.y, LINE_Z)):
             yield Drawing(self._at("trail"), (line(self._trail.points, colours.TRAIL, 2.0),), lasting=True)
+        yield from self._matched(self._pairing.add_pose(message))
 
     def scan(self, scan: Scan) -> Iterable[Item]:
-        pose = self._pose_at(scan.stamp)
-        if pose is not None:
-            points = rr.Points3D(scan_points(scan, pose), colors=ink(colours.SCAN), radii=pen(1.8))
-            yield Drawing(self._at("scan"), (points,))
+        """Drawn as soon as the pose at which it was taken is known."""
+        yield from self._matched(self._pairing.add_scan(scan))
 
-    def _pose_at(self, stamp: int) -> Pose2 | None:
-        """The known pose nearest in time."""
-        nearest = min(self._poses, key=lambda known: abs(known.stamp - stamp), default=None)
-        return nearest.pose if nearest is not None else None
+    def _matched(self, pair: tuple[Scan, Pose2] | None) -> Iterable[Item]:
+        if pair is not None:
+            hits = scan_points(*pair)
+            points = np.column_stack([hits, np.full(len(hits), SCAN_Z)])
+            yield Drawing(self._at("scan"), (rr.Points3D(points, colors=ink(colours.SCAN), radii=pen(1.8)),))
 
     # -- measurements ------------------------------------------------------------------------------------------------
 
@@ -117,7 +115,7 @@ class ChassisView:
                     f"{name.replace('_', ' ')}: {'closed' if closed else 'open'}", _SWITCH_LEVELS.get(name)
                 )
 
-    # -- what the planner tells --------------------------------------------------------------------------------------
+    # -- messages of the planner -------------------------------------------------------------------------------------
 
     def map(self, message: CurrentMap) -> Iterable[Item]:
         yield from map_drawings(self.robot, message.map)
@@ -145,8 +143,8 @@ class ChassisView:
         if before is None or _target(state) != _target(before):
             yield Drawing(self._at("target"), (target_arrow(_target(state)),), lasting=True)
         yield Row(self._at("distance/remaining"), (state.remaining_distance,))
-        told = (state.action_id, state.move_state)
-        if state.action_id and (before is None or told != (before.action_id, before.move_state)):
+        shown = (state.action_id, state.move_state)
+        if state.action_id and (before is None or shown != (before.action_id, before.move_state)):
             reason = f": {MoveFailReason(state.fail_reason).rest_string}" if state.fail_reason else ""
             text = f"move {state.action_id} ({state.action_type}) {state.move_state}{reason}"
             yield self._note(text, "WARN" if state.move_state == "failed" else None)
@@ -164,9 +162,9 @@ class ChassisView:
         if status.emergency_stop != before.emergency_stop:
             said = "emergency stop" if status.emergency_stop else "emergency stop released"
             yield self._note(said, "ERROR" if status.emergency_stop else None)
-        if status.driver_alive != before.driver_alive and before.stamp:  # at the start it is only not there yet
+        if status.driver_alive != before.driver_alive and before.stamp:  # at the start it is not up yet
             yield self._note(
-                f"the driver is {'back' if status.driver_alive else 'gone'}", None if status.driver_alive else "ERROR"
+                f"driver {'back' if status.driver_alive else 'lost'}", None if status.driver_alive else "ERROR"
             )
         known = {alert.code for alert in before.alerts}
         for alert in status.alerts:
@@ -189,19 +187,8 @@ _CURVES = (
 _SWITCH_LEVELS: dict[str, Level] = {"emergency_stop_button": "ERROR", "bumper_front": "WARN", "bumper_rear": "WARN"}
 
 
-def scan_points(scan: Scan, pose: Pose2) -> NDArray[np.float64]:
-    """(n, 3) of what returned, in the map."""
-    hits = np.flatnonzero(np.isfinite(scan.ranges))
-    ranges = scan.ranges[hits].astype(np.float64)
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    x = pose.x + cos * scan.sensor.x - sin * scan.sensor.y
-    y = pose.y + sin * scan.sensor.x + cos * scan.sensor.y
-    angles = pose.yaw + scan.sensor.yaw + scan.angle_min + scan.angle_step * hits
-    return np.column_stack([x + ranges * np.cos(angles), y + ranges * np.sin(angles), np.full(len(hits), SCAN_Z)])
-
-
 def prism(outline: NDArray[np.float64], height: float) -> list[NDArray[np.float64]]:
-    """The edges of a polygon (n, 2) that was drawn up from the floor."""
+    """The edges of a polygon (n, 2) extruded from the floor to ``height``."""
     closed = np.vstack([outline, outline[:1]])
     low, high = (np.column_stack([closed, np.full(len(closed), z)]) for z in (0.005, height))
     return [low, high, *(np.array([a, b]) for a, b in zip(low[:-1], high[:-1], strict=True))]

@@ -1,4 +1,4 @@
-"""What a message becomes: values that say what is to be seen, and where. The recording alone knows how to write them.
+"""What a message becomes: values that say what is drawn, and where. Only the recording writes them to Rerun.
 
 Entities are Rerun paths; frames are named, with ``MAP`` as their root. Metres, radians, quaternions w, x, y, z.
 """

@@ -1,60 +1,93 @@
-"""What is drawn of which message: routed by the contract's own names."""
+"""Which view draws which topic."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from rackhand.schemas import topics
-from rackhand.schemas.topics import Qos, Topic
+from rackhand.schemas.base import Message
+from rackhand.schemas.scan_points import KNOWN_POSES
+from rackhand.schemas.topics import Qos, Topic, read_by
 from rackhand.services.viewer.arm import ArmView, Stand
 from rackhand.services.viewer.bus_view import BusView
-from rackhand.services.viewer.chassis import KNOWN_POSES, ChassisView
+from rackhand.services.viewer.chassis import ChassisView
 from rackhand.services.viewer.geometry import Bounds
 from rackhand.services.viewer.items import Item
 from rackhand.services.viewer.world import WorldView
 
-V = TypeVar("V")
+V = TypeVar("V", bound="View")
+M = TypeVar("M", bound=Message)
 
 
 class View(Protocol):
-    """Draws the messages of one robot's part. A method named as the last part of a topic's name takes its messages."""
+    """Draws the messages of one robot's part."""
+
+    def __init__(self, robot: str) -> None: ...
 
     def begin(self) -> Iterable[Item]: ...
 
 
-# The first part of a topic's name says who draws it.
-_VIEWS: dict[str, type[Any]] = {
-    "chassis": ChassisView,
-    "moves": ChassisView,
-    "map": ChassisView,
-    "arm": ArmView,
-    "motion": ArmView,
-    "bus": BusView,
-    "clock": WorldView,
-    "objects": WorldView,
-    "scene": WorldView,
-}
-NOT_DRAWN = {
-    topics.IMU: "odometry and pose tell more",
-    topics.ARM_STATE: "500 Hz; motion/status has the same numbers at 25",
-    topics.ARM_COMMAND: "motion/diagnostics tells how well it is followed",
-    topics.MOTION_STREAM: "for the session that asked for it",
-    topics.MOTION_SESSION: "for the controller",
-}
-DRAWN: tuple[Topic[Any], ...] = tuple(topic for topic in topics.TOPICS if topic not in NOT_DRAWN)
+@dataclass(frozen=True)
+class Route:
+    """The view that draws a topic, and its method that does."""
+
+    view: type[Any]
+    draw: Callable[[Any, Any], Iterable[Item]]
 
 
-# Of streams only the newest is drawn, but a scan where the robot was then: poses come first, and more than one of them.
-NEWEST: dict[Topic[Any], int] = {topics.POSE: KNOWN_POSES // 2} | {
-    topic: 1 for topic in DRAWN if topic.qos in (Qos.STREAM, Qos.COMMAND) and topic is not topics.POSE
-}
+ROUTES: dict[str, Route] = {}
+
+
+def draws(topic: Topic[M], view: type[V], draw: Callable[[V, M], Iterable[Item]]) -> None:
+    """Have ``view.draw`` draw a topic's messages; that their types fit is checked statically."""
+    ROUTES[topic.name] = Route(view, draw)
+
+
+draws(topics.ODOMETRY, ChassisView, ChassisView.odometry)
+draws(topics.SCAN, ChassisView, ChassisView.scan)
+draws(topics.JACK, ChassisView, ChassisView.jack)
+draws(topics.BATTERY, ChassisView, ChassisView.battery)
+draws(topics.CONTACTS, ChassisView, ChassisView.contacts)
+draws(topics.CHASSIS_MODEL, ChassisView, ChassisView.model)
+draws(topics.POSE, ChassisView, ChassisView.pose)
+draws(topics.CHASSIS_STATUS, ChassisView, ChassisView.status)
+draws(topics.COMMAND, ChassisView, ChassisView.command)
+draws(topics.COSTMAP, ChassisView, ChassisView.costmap)
+draws(topics.PLANNING_STATE, ChassisView, ChassisView.planning_state)
+draws(topics.PATH, ChassisView, ChassisView.path)
+draws(topics.MOVE_EVENT, ChassisView, ChassisView.event)
+draws(topics.MAP, ChassisView, ChassisView.map)
+draws(topics.ARM_MODEL, ArmView, ArmView.model)
+draws(topics.MOTION_STATUS, ArmView, ArmView.status)
+draws(topics.MOTION_EVENT, ArmView, ArmView.event)
+draws(topics.MOTION_PATH, ArmView, ArmView.path)
+draws(topics.MOTION_DIAGNOSTICS, ArmView, ArmView.diagnostics)
+draws(topics.BUS_STATS, BusView, BusView.stats)
+draws(topics.CLOCK, WorldView, WorldView.clock)
+draws(topics.OBJECTS, WorldView, WorldView.objects)
+draws(topics.SCENE, WorldView, WorldView.scene)
+
+
+def drawn_topics() -> tuple[Topic[Any], ...]:
+    """What the table of topics has the viewer read. Raises ``LookupError`` for a topic that nothing draws."""
+    if missing := [topic.name for topic in read_by("viewer") if topic.name not in ROUTES]:
+        raise LookupError(f"nothing draws {', '.join(missing)}")
+    return read_by("viewer")
+
+
+def newest_topics() -> dict[Topic[Any], int]:
+    """The topics of which only the newest messages are drawn, and how many: one, but several poses, so that one of
+    the scan's time is among them. Poses come first.
+    """
+    streams = (topic for topic in drawn_topics() if topic.qos in (Qos.STREAM, Qos.COMMAND))
+    return {topics.POSE: KNOWN_POSES // 2} | {topic: 1 for topic in streams if topic is not topics.POSE}
 
 
 @dataclass(frozen=True)
 class RobotSet:
-    """Who is to be seen, where each arm stands, and the lowest and highest corner of the building."""
+    """The robots that are drawn, the base of each arm, and the lowest and highest corner of the building."""
 
     chassis: tuple[str, ...] = ()
     arms: tuple[str, ...] = ()
@@ -70,12 +103,12 @@ class Picture:
 
     def on_message(self, topic: Topic[Any], robot: str, message: Any) -> list[Item]:
         """What a message changes in the picture."""
-        kind, method = route(topic)
-        view, items = self._views.get((kind, robot)), []
+        route = ROUTES[topic.name]
+        view, items = self._views.get((route.view, robot)), []
         if view is None:
-            view = self._views[kind, robot] = kind(robot)
+            view = self._views[route.view, robot] = route.view(robot)
             items += view.begin()
-        return [*items, *getattr(view, method)(message)]
+        return [*items, *route.draw(view, message)]
 
     @property
     def cast(self) -> RobotSet:
@@ -90,12 +123,6 @@ class Picture:
 
     def _of(self, kind: type[V]) -> dict[str, V]:
         return {robot: view for (_, robot), view in self._views.items() if isinstance(view, kind)}
-
-
-def route(topic: Topic[Any]) -> tuple[type[Any], str]:
-    """The view that draws a topic, and the name of its method."""
-    first, _, last = topic.name.partition("/")
-    return _VIEWS[first], last or first
 
 
 def _rounded(bounds: Bounds | None) -> tuple[tuple[float, ...], ...] | None:

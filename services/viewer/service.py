@@ -20,7 +20,7 @@ from rackhand.schemas.service import CELL, ServiceId
 from rackhand.schemas.topics import Qos
 from rackhand.services.viewer.blueprint import blueprint
 from rackhand.services.viewer.bus_view import presence
-from rackhand.services.viewer.picture import DRAWN, NEWEST, Picture, RobotSet
+from rackhand.services.viewer.picture import Picture, RobotSet, drawn_topics, newest_topics
 from rackhand.services.viewer.recording import Recording, Stamped
 from rackhand.services.viewer.server import CannotServe, Server
 
@@ -28,15 +28,15 @@ log = get_logger(__name__)
 
 READ_AHEAD = 1024  # events a frame takes in at most
 ROWS_EVERY, REPEAT_EVERY = 1.0, 5.0  # seconds of wall time
-REST = 9.0  # times as long as a frame took nothing is drawn at least
-SETTLED = 0.5  # seconds of wall time without anybody new
+REST = 9.0  # nothing is drawn for at least this many times as long as the last frame took
+SETTLED = 0.5  # seconds of wall time without another robot
 CLOCK_PATIENCE = 1.0  # seconds of wall time after which a cell without a clock is drawn
 AHEAD = 5 * NANOSECONDS  # what is stamped later than this after the clock is of a run that is over
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What ``python -m rackhand.services.viewer`` can be told. ``rate`` in frames a second of wall time."""
+    """Settings of ``python -m rackhand.services.viewer``. ``rate`` in frames a second of wall time."""
 
     host: str = "127.0.0.1"
     web_port: int = 9090
@@ -95,8 +95,8 @@ def numbered(path: Path, number: int) -> Path:
 
 
 def next_frame(due: float, begun: float, ended: float, period: float) -> float:
-    """When the frame after one that was ``due`` is. Where the machine is short of time a frame takes long, and the
-    next one waits so much longer: others need the time more.
+    """Due time of the next frame, all in seconds. On a busy machine a frame takes long, and the next one waits in
+    proportion: the control loops need the processor more.
     """
     return max(due + period, ended + REST * (ended - begun))
 
@@ -126,10 +126,11 @@ class Viewer:
         self._bus, self._new_recording, self._period = bus, new_recording, 1.0 / rate
         self._inbox, self._newest = bus.inbox(), bus.newest()
         self._inbox.watch_services()
-        for topic in DRAWN:
-            if topic not in NEWEST:
+        newest = newest_topics()
+        for topic in drawn_topics():
+            if topic not in newest:
                 self._inbox.subscribe(topic)
-        for topic, keep in NEWEST.items():
+        for topic, keep in newest.items():
             self._newest.follow(topic, keep=keep)
         self._recording: Recording | None = None
         self._picture, self._cast, self._cast_since = Picture(), RobotSet(), 0.0
@@ -155,7 +156,7 @@ class Viewer:
 
     def frame(self, wall: float) -> None:
         """Take in what has come, and draw it. ``wall`` is the machine's monotonic time in seconds."""
-        events = self._heard()
+        events = self._read()
         clocks = [event.message for event in events if isinstance(event, Sample) and event.topic is topics.CLOCK]
         if clocks:
             self._now = clocks[-1].stamp
@@ -170,26 +171,26 @@ class Viewer:
         self._lay_out(self._recording, wall)
         if self._rows_due(wall):
             self._recording.flush_rows()
-        if self._repeat_due(wall) and self._now != self._repeated:  # a world that stands forgets nothing
+        if self._repeat_due(wall) and self._now != self._repeated:  # nothing changes while the simulation is paused
             self._repeated = self._now
             self._recording.repeat(self._now)
 
     def _lay_out(self, recording: Recording, wall: float) -> None:
-        """Once it is clear who is there: each layout is kept for ever, and replaces what users made of the last."""
+        """Once the set of robots has settled: each layout is kept, and replaces what users made of the last."""
         if self._picture.cast != self._cast:
             self._cast, self._cast_since = self._picture.cast, wall
         if self._cast != self._layout and wall - self._cast_since >= SETTLED:
             self._layout = self._cast
             recording.show(blueprint(self._layout))
 
-    def _heard(self) -> list[Event]:
+    def _read(self) -> list[Event]:
         events: list[Event] = []
         while len(events) < READ_AHEAD and (event := self._inbox.get(timeout=0)) is not None:
             events.append(event)
         return [*events, *self._newest.take()]
 
     def _wait_for_clock(self, events: list[Event], wall: float) -> None:
-        """A robot without a simulator may tell no clock; the stamps are time then."""
+        """A robot without a simulator may publish no clock; then the stamps are the time."""
         self._waiting = events
         stamped = (isinstance(event, Sample) and hasattr(event.message, "stamp") for event in events)
         if self._waiting_since is None and any(stamped):
@@ -198,7 +199,7 @@ class Viewer:
             self._begin(None)
 
     def _begin(self, run: str | None) -> None:
-        """A new run: another recording, in which what holds for ever is drawn again."""
+        """A new run: another recording, in which the static items are drawn again."""
         if self._recording is not None:
             self._recording.close()
         self._run = run
@@ -228,7 +229,7 @@ class Viewer:
             yield self._now if stamp is None else stamp, item
 
     def _stamp(self, message: Any) -> int | None:
-        """When it was so; None if that is in no time of this run."""
+        """The time of a message; None for a stamp of another run."""
         stamp = int(getattr(message, "stamp", self._now))
         if self._run is not None:
             return stamp if stamp <= self._now + AHEAD else None

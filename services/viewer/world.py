@@ -1,4 +1,4 @@
-"""The world as only a simulator knows it: the scene's geometry, and where everything truly is."""
+"""What only a simulator publishes: the scene's geometry, and ground-truth poses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rackhand.services.viewer.items import BUS_LOG, Item, Note, Pose
 
 
 class WorldView:
-    """Remembers the scene as drawn, so that only what changed is drawn again."""
+    """Keeps the scene as drawn, so that only what changed is drawn again."""
 
     def __init__(self, _world: str = "") -> None:
         self.bounds: Bounds | None = None
@@ -21,7 +21,7 @@ class WorldView:
         return ()
 
     def scene(self, scene: Scene) -> Iterable[Item]:
-        """Bodies that are gone are drawn as nothing: what is static cannot be cleared."""
+        """Removed bodies are drawn empty: static items cannot be cleared."""
         groups = grouped(scene)
         self.bounds = bounds(scene)
         for group in {**groups, **self._drawn}:
@@ -39,4 +39,4 @@ class WorldView:
         if pace != self._pace:
             self._pace = pace
             speed = "as fast as possible" if clock.speed is None else f"at {clock.speed:g} x real time"
-            yield Note(BUS_LOG, "the world stands: paused" if clock.paused else f"the world runs {speed}")
+            yield Note(BUS_LOG, "simulation paused" if clock.paused else f"simulation runs {speed}")

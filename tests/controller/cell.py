@@ -83,14 +83,14 @@ class PerfectArm:
     def send(self, session: str, text: str, stop: bool = False) -> int:
         self._tickets += 1
         (self.controller.stop_request if stop else self.controller.request)(session, text, self._tickets)
-        self._take()
+        self.take()
         return self._tickets
 
     def ask(self, session: str, /, **request: Any) -> dict[str, Any]:
         """The answer to a request, which must come without time passing."""
         ticket = self.send(session, json.dumps(request))
         self.controller.poll()
-        self._take()
+        self.take()
         assert ticket in self.answers, f"{request['command']} is not answered at once"
         return self.answers[ticket]
 
@@ -118,7 +118,7 @@ class PerfectArm:
         )
         self.command = self.controller.tick(state, self.lockstep)
         assert self.command.answers == self.stamp
-        self._take()
+        self.take()
         return self.command
 
     def until_rest(self, limit: float = 30.0) -> float:
@@ -140,7 +140,7 @@ class PerfectArm:
             self.q = values
         self.history.append((self.stamp + PERIOD_NS, self.q.copy(), self.dq.copy()))
 
-    def _take(self) -> None:
+    def take(self) -> None:
         output = self.controller.take()
         for ticket, text in output.replies:
             assert ticket not in self.answers, "answered twice"

@@ -78,11 +78,11 @@ def test_fast_turns_of_a_redundant_arm_at_the_ends_of_its_joints_stay_about_thei
 
 
 @pytest.mark.parametrize("arm", [UR5E, FR3], ids=["ur5e", "fr3"])
-def test_the_pace_is_full_in_the_open_and_falls_towards_the_edge(arm: ik.Arm) -> None:
+def test_the_scale_is_1_in_the_open_and_falls_towards_the_edge(arm: ik.Arm) -> None:
     """Near the edge as the braking of a fold has it: with the power 3/4 of the distance."""
     solver = ik.DifferentialIk(arm, 0.004)
     direction = OUT[arm.name]
-    assert solver.pace(arm.home, np.zeros(arm.n), np.array([*(0.002 * direction), 0, 0, 0])) == 1.0
+    assert solver.twist_scale(arm.home, np.zeros(arm.n), np.array([*(0.002 * direction), 0, 0, 0])) == 1.0
     cell = PerfectArm(arm)
     start = cell.tool()
     hold(cell, direction, 5.0)

@@ -86,7 +86,7 @@ class SharedArm(RuleBasedStateMachine):
         before, held = self.holder(), self.arm.controller.access.holder(self.arm.stamp)
         ticket = self.arm.send(session, text)
         self.arm.controller.poll()
-        self.arm._take()
+        self.arm.take()
         request, free_since = json.loads(text), self.free_since
         now = self.arm.controller.access.holder(self.arm.stamp)
         refreshed = now is not None and now.client == alias(session) and now.lease_age == 0
@@ -149,7 +149,7 @@ class SharedArm(RuleBasedStateMachine):
     def leaves(self, client: str) -> None:
         was_holder = self.holder() == alias(client)
         self.arm.controller.disconnected(client)
-        self.arm._take()
+        self.arm.take()
         if was_holder and self.holder() is None:
             self.free_since = self.arm.stamp
 

@@ -1,4 +1,4 @@
-"""The tables in the pages are those the contract gives."""
+"""The generated tables and files are those that the contract gives now."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rackhand.services.launch.reference import BLOCKS, refresh
+from rackhand.services.launch.reference import BLOCKS, files, refresh
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
@@ -17,6 +17,11 @@ PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 def test_generated_tables_are_fresh(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert refresh(text) == text, "run `make docs`"
+
+
+@pytest.mark.parametrize("name", files())
+def test_generated_files_are_fresh(name: str) -> None:
+    assert (ROOT / "docs" / name).read_text(encoding="utf-8") == files()[name](), "run `make docs`"
 
 
 def test_every_table_is_shown_somewhere() -> None:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import cast
 
 import pytest
 
-from rackhand.services.gateway.context import Context
 from rackhand.services.gateway.settings import Settings
 from tests.gateway.fake_arm import ArmCell, FakeArm
 from tests.gateway.harness import Gateway, running_gateway
@@ -29,6 +27,5 @@ def gateway(server: Gateway) -> Gateway:
 def cell() -> Iterator[ArmCell]:
     with running_gateway(Settings(arms=("arm1",))) as gateway:
         arm = FakeArm()
-        context = cast(Context, gateway._context)
-        object.__setattr__(context, "bus", arm)
-        yield gateway, arm, context
+        object.__setattr__(gateway.shared, "bus", arm)
+        yield gateway, arm, gateway.context

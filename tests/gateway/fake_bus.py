@@ -17,6 +17,7 @@ from rackhand.schemas.maps import (
     MapRequest,
     MapSummary,
     PatchMap,
+    ReplaceMap,
     SelectMap,
     UseMapData,
 )
@@ -24,13 +25,15 @@ from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, M
 from rackhand.schemas.refusal import RefusalCode
 
 NOW = 1_746_684_372
+WITHOUT_TARGET = ("follow_target", "charge")
 TARGET_MISSING = "(target_x target_y) or target_ori must be provided"
 
 
 class FakeBus:
     """``failure``, when set, is raised for every call; ``requests`` holds what was asked."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: str = "amr1") -> None:
+        self.robot = robot
         self.failure: BusError | None = None
         self.requests: list[Any] = []
         self.moves: dict[int, Move] = {}
@@ -39,7 +42,7 @@ class FakeBus:
         self.control_mode = "auto"
 
     async def acall(self, query: topics.Query[Any, Any], request: Any, robot: str, timeout: float) -> Any:
-        assert robot == "amr1"
+        assert robot == self.robot
         assert timeout > 0
         if self.failure is not None:
             raise self.failure
@@ -67,7 +70,7 @@ class FakeBus:
         running = self.running
         match request:
             case CreateMove(move=wanted):
-                if wanted.target_x is None and wanted.target_ori is None and wanted.type != "follow_target":
+                if wanted.target_x is None and wanted.target_ori is None and wanted.type not in WITHOUT_TARGET:
                     raise Refused(RefusalCode.INVALID, TARGET_MISSING)
                 if running is not None:
                     self.end(running.id, state="cancelled")
@@ -115,12 +118,12 @@ class FakeBus:
                 return MapReply(data=self.current_map)
             case GetMap(id=map_id):
                 return MapReply(data=self._find(map_id))
+            case ReplaceMap(id=map_id, map=whole):
+                uid = whole.uid or self._find(map_id).uid
+                self.maps[map_id] = to_data(whole.model_copy(update={"uid": uid}), map_id)
+                return MapReply(maps=(summary(self.maps[map_id]),))
             case PatchMap(id=map_id):
-                changes = {
-                    name: value
-                    for name, value in (("map_name", request.map_name), ("overlays", request.overlays))
-                    if value is not None
-                }
+                changes = request.model_dump(exclude={"op", "id"}, exclude_none=True)
                 self.maps[map_id] = self._find(map_id).model_copy(update=changes)
                 return MapReply(maps=(summary(self.maps[map_id]),))
             case DeleteMap(id=map_id):

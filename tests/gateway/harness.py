@@ -18,21 +18,22 @@ import uvicorn
 from fastapi import FastAPI
 from websockets.sync.client import ClientConnection, connect
 
-from rackhand.bus import Event, Sample
+from rackhand.bus import Presence
 from rackhand.schemas import topics
 from rackhand.schemas.base import Message
-from rackhand.services.gateway.context import Context
+from rackhand.services.gateway.context import Context, Shared
+from rackhand.services.gateway.fleet import Fleet
 from rackhand.services.gateway.http.app import create_app
+from rackhand.services.gateway.presence import Services
 from rackhand.services.gateway.service import server_config
 from rackhand.services.gateway.settings import Settings
-from rackhand.services.gateway.state import State
 from rackhand.services.gateway.ws.broadcast import Hub
-from rackhand.services.gateway.ws.topics import PAYLOADS
+from rackhand.services.gateway.ws.payloads import PAYLOADS
 from tests.gateway.fake_bus import FakeBus
 
 PATIENCE = 20.0  # seconds; only ever bounds a failure
 STARTED = 1000.0
-UNPACED = 1e9  # Hz: nothing is held back
+UNPACED = 1e9  # Hz: no frame waits for its rate
 
 
 class Gateway:
@@ -47,28 +48,34 @@ class Gateway:
 
     @property
     def bus(self) -> FakeBus:
-        return cast(FakeBus, self._context.bus)
+        return cast(FakeBus, self.shared.bus)
 
     @property
     def hub(self) -> Hub:
-        return self._context.hub
+        return self.shared.fleet.hubs[self.shared.fleet.default]
 
     @property
-    def _context(self) -> Context:
-        return cast(Context, self._app.state.context)
+    def shared(self) -> Shared:
+        return cast(Shared, self._app.state.shared)
+
+    @property
+    def context(self) -> Context:
+        return Context(self.shared, self.shared.fleet.default)
 
     def reset(self) -> None:
-        """Forget everything that was heard and asked; listen on as before."""
-        settings, expected = self._context.settings, self._context.state.expected
-        state = State(settings.robot, expected, STARTED)
-        self._app.state.context = Context(settings, state, Hub(state, settings.interval), FakeBus())
+        """Forget everything that was received and asked; go on listening."""
+        settings = self.shared.settings
+        fleet = Fleet(settings.robots, settings.interval, Services(self.shared.fleet.services.expected, STARTED))
+        self._app.state.shared = Shared(settings, fleet, FakeBus(), self.shared.motion)
 
-    def on_message(self, *events: Event) -> None:
-        """Have events arrive from the bus; returns when they are taken in."""
-        self.call(lambda: [self.hub.on_message(event) for event in events])
+    def presence(self, *changes: Presence) -> None:
+        """Have liveliness tokens change; returns when that is taken in."""
+        services = self.shared.fleet.services
+        self.call(lambda: [services.on_presence(change.service, change.alive, STARTED) for change in changes])
 
-    def publish(self, topic: topics.Topic[Any], message: Message) -> None:
-        self.on_message(Sample(topic, "amr1", message))
+    def publish(self, topic: topics.Topic[Any], message: Message, robot: str = "amr1") -> None:
+        """Have a message arrive from the bus; returns when it is taken in."""
+        self.call(lambda: self.shared.fleet.on_message(topic, robot, message))
 
     def call(self, function: Callable[[], Any]) -> Any:
         """Run something in the server's loop."""
@@ -91,7 +98,7 @@ class Gateway:
 
 
 class Socket:
-    """A WebSocket client that skips what the server tells unasked of connections."""
+    """A WebSocket client that skips the server's unrequested frames about connections."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
@@ -110,10 +117,17 @@ class Socket:
         return self.receive()
 
 
+def new_app(settings: Settings | None = None, expect: tuple[Any, ...] = ()) -> FastAPI:
+    """The application over a fake robot, not served."""
+    settings = settings or Settings()
+    fleet = Fleet(settings.robots, settings.interval, Services(expect, STARTED))
+    return create_app(fleet, FakeBus(), settings)
+
+
 @contextmanager
 def running_gateway(settings: Settings | None = None, expect: tuple[Any, ...] = ()) -> Iterator[Gateway]:
     settings = settings or Settings(rates=dict.fromkeys(PAYLOADS, UNPACED), planning_state_timeout=0)
-    app = create_app(State(settings.robot, expect, STARTED), FakeBus(), settings)
+    app = new_app(settings, expect)
     listener = socket.create_server(("127.0.0.1", 0))
     server = uvicorn.Server(server_config(app, settings))
     loop = asyncio.new_event_loop()

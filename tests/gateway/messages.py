@@ -1,4 +1,4 @@
-"""Messages of one robot, as the bus would bring them."""
+"""Messages of one robot, as they arrive from the bus."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rackhand.schemas.base import Pose2, Twist2
-from rackhand.schemas.chassis import Battery, ChassisModel, ChassisStatus, Jack, LocalisedPose, Odometry, Scan
+from rackhand.schemas.chassis import Battery, ChassisModel, ChassisStatus, Costmap, Jack, LocalisedPose, Odometry, Scan
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import PlannedPath, PlanningState
 from rackhand.schemas.world import Clock
@@ -40,15 +40,17 @@ def planning(**changes: Any) -> PlanningState:
     return PlanningState(**fields | changes)
 
 
-def scan(stamp: int = 0) -> Scan:
-    """Ahead at 2 m, nothing to the left, behind at 1 m, seen by a lidar 0.1 m in front of the centre."""
+def scan(stamp: int = 0, left: float = math.nan) -> Scan:
+    """Ahead at 2 m, nothing to the left, behind at 1 m, seen by a lidar 0.1 m in front of the centre. With ``left``,
+    only a hit at that distance to the left.
+    """
     return Scan(
         stamp=stamp,
         sensor=Pose2(x=0.1, y=0.0, yaw=0.0),
         angle_min=0.0,
         angle_step=math.pi / 2,
         range_max=10.0,
-        ranges=np.array([2.0, math.nan, 1.0], "<f4"),
+        ranges=np.array([2.0, math.nan, 1.0] if math.isnan(left) else [math.nan, left, math.nan], "<f4"),
     )
 
 
@@ -56,13 +58,13 @@ def status(**changes: Any) -> ChassisStatus:
     return ChassisStatus(**{"stamp": 0} | changes)
 
 
-def current_map(stamp: int = 0, png: bytes | None = None) -> CurrentMap:
+def current_map(stamp: int = 0, png: bytes | None = None, name: str = "Hall") -> CurrentMap:
     return CurrentMap(
         stamp=stamp,
         map=MapData(
             id=3,
             uid="hall",
-            map_name="Hall",
+            map_name=name,
             create_time=5,
             last_modified_time=6,
             map_version=1,
@@ -83,10 +85,16 @@ def jack(state: Any = "hold", progress: float = 0.0, stamp: int = 0) -> Jack:
     return Jack(stamp=stamp, state=state, progress=progress, weight=0.0)
 
 
-def model() -> ChassisModel:
+def model(half_width: float = 0.2) -> ChassisModel:
     """0.6 m long (0.4 m of it in front), 0.4 m wide."""
-    corners = [[-0.2, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.2, 0.2]]
+    corners = [[-0.2, -half_width], [0.4, -half_width], [0.4, half_width], [-0.2, half_width]]
     return chassis_model(corners, wheel_separation=0.35, wheel_radius=0.08)
+
+
+def costmap(columns: int = 3) -> Costmap:
+    """Six cells."""
+    cost = np.array([0, 1, 252, 253, 254, 255], np.uint8)
+    return Costmap(stamp=0, origin=(2.0, 3.0), resolution=0.05, columns=columns, cost=cost)
 
 
 def path(stamp: int = 0) -> PlannedPath:

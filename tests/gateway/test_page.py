@@ -10,7 +10,7 @@ import pytest
 from rackhand.services.gateway.http import docs
 from rackhand.services.gateway.page import index
 from rackhand.services.gateway.settings import Settings
-from rackhand.services.gateway.ws.topics import PAYLOADS
+from rackhand.services.gateway.ws.payloads import PAYLOADS
 from tests.gateway.harness import Gateway, running_gateway
 
 PAGE = files("rackhand.services.gateway") / "page"

@@ -13,12 +13,9 @@ from rackhand.schemas.motion import ControlInfo, Reply
 from rackhand.services.controller.commands.table import COMMANDS
 from rackhand.services.controller.protocol.answers import Answer
 from rackhand.services.controller.protocol.parse import parse
-from rackhand.services.gateway.http.app import create_app
-from rackhand.services.gateway.settings import Settings
-from rackhand.services.gateway.state import State
 from tests.controller.cell import UR5E, PerfectArm
 from tests.controller.protocol.bench import ARM
-from tests.gateway.fake_bus import FakeBus
+from tests.gateway.harness import new_app
 
 
 @pytest.mark.parametrize("request_", crf_examples.REQUESTS.values(), ids=crf_examples.REQUESTS)
@@ -67,7 +64,7 @@ def test_an_example_of_an_answer_is_one(answer: dict[str, Any]) -> None:
 
 
 def test_the_openapi_document_shows_them() -> None:
-    document = create_app(State("amr1"), FakeBus(), Settings()).openapi()
+    document = new_app().openapi()
     operation = document["paths"]["/motion/{arm}/command"]["post"]
     shown = operation["requestBody"]["content"]["application/json"]["examples"]
     assert {name: example["value"] for name, example in shown.items()} == crf_examples.REQUESTS

@@ -11,7 +11,7 @@ import pytest
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import Contacts, Costmap
 from rackhand.schemas.moves import MoveEvent, PlannedPath
-from rackhand.services.viewer.chassis import ChassisView, prism, scan_points
+from rackhand.services.viewer.chassis import ChassisView, prism
 from rackhand.services.viewer.items import Drawing, Note, Pose
 from tests.gateway import messages
 
@@ -25,20 +25,22 @@ def notes(items: Any) -> list[tuple[str, str]]:
     return [(item.level, item.text) for item in items if isinstance(item, Note)]
 
 
-def test_a_scan_lies_in_the_map_where_its_returns_are() -> None:
-    """The lidar is 0.1 m ahead of a robot that looks along +y: 2 m ahead, 1 m behind, nothing to the left."""
-    points = scan_points(messages.scan(), Pose2(x=1.0, y=2.0, yaw=math.pi / 2))
-    assert points[:, :2] == pytest.approx(np.array([[1.0, 4.1], [1.0, 1.1]]), abs=1e-6)
+@pytest.mark.parametrize("scan_first", [True, False])
+def test_a_scan_is_drawn_at_the_pose_where_it_was_taken(view: ChassisView, scan_first: bool) -> None:
+    def poses() -> list[Any]:
+        found: list[Any] = []
+        for stamp, x in ((40, 1.0), (80, 2.0), (120, 3.0)):
+            found += view.pose(messages.pose(stamp, x=x, y=0.0, yaw=0.0))
+        return found
 
+    def scan() -> list[Any]:
+        return list(view.scan(messages.scan(stamp=80)))
 
-def test_a_scan_is_drawn_from_the_pose_of_its_instant(view: ChassisView) -> None:
-    assert not list(view.scan(messages.scan(stamp=80))), "nobody knows yet where it was taken"
-    for stamp, x in ((40, 1.0), (80, 2.0), (120, 3.0)):
-        list(view.pose(messages.pose(stamp, x=x, y=0.0, yaw=0.0)))
-    (drawing,) = view.scan(messages.scan(stamp=80))
-    assert isinstance(drawing, Drawing)
+    items = [*scan(), *poses()] if scan_first else [*poses(), *scan()]
+    (drawing,) = [item for item in items if isinstance(item, Drawing) and item.entity == "amr1/scan"]
     points = drawing.parts[0].positions.as_arrow_array().to_pylist()
     assert points[0][0] == pytest.approx(2.0 + 0.1 + 2.0)
+    assert len(points) == 2, "the beam without a return is not drawn"
 
 
 def test_a_robot_is_where_it_believes_to_be(view: ChassisView) -> None:

@@ -1,0 +1,1 @@
+"""Routes of the chassis API. Read ``models`` (bodies), then ``moves``, ``chassis``, ``maps``, ``device``, ``files``."""

@@ -31,20 +31,20 @@ _DONE: dict[int | str, dict[str, Any]] = {
 _SERVICE = {**_DONE, **failures(400, 413, 503)}
 
 POSE_HELP = (
-    'POST {"position": [x, y, z], "ori": yaw} tells the robot where it is on the current map (metres, radians). '
-    "The pose itself is told by the WebSocket topic /tracked_pose."
+    'POST {"position": [x, y, z], "ori": yaw} sets the robot\'s pose on the current map (metres, radians). '
+    "Its present pose is published on the WebSocket topic /tracked_pose."
 )
 
 
 @router.get("/chassis/pose", responses=failures())
 async def pose_help() -> Help:
-    """How to set the pose. Where the robot is, tells the WebSocket topic ``/tracked_pose``."""
+    """How to set the pose. The present pose is on the WebSocket topic ``/tracked_pose``."""
     return Help(message=POSE_HELP)
 
 
 @router.post("/chassis/pose", responses=failures(400, 413, 503))
 async def set_pose(body: PoseBody, gateway: Gateway) -> Empty:
-    """Tell the robot where it is on the current map."""
+    """Set the robot's pose on the current map."""
     x, y = body.position[:2]
     await gateway.ask(topics.CHASSIS_REQUEST, ChassisRequest(request=SetPose(pose=Pose2(x=x, y=y, yaw=body.ori))))
     return Empty()
@@ -53,15 +53,15 @@ async def set_pose(body: PoseBody, gateway: Gateway) -> Empty:
 @router.get("/chassis/status", responses=failures(404, 503))
 async def chassis_status(gateway: Gateway) -> ChassisStatusReply:
     robot = gateway.chassis
-    status = gateway.state.facts.status
+    status = gateway.state.facts.newest(topics.CHASSIS_STATUS)
     if status is None:
-        raise unavailable(f"the planner of {robot} has not told the chassis' status yet")
+        raise unavailable(f"no chassis status from the planner of {robot} yet")
     return ChassisStatusReply(control_mode=status.control_mode, emergency_stop_pressed=status.emergency_stop)
 
 
 @services.post("/wheel_control/set_control_mode", responses=_SERVICE)
 async def set_control_mode(body: ControlModeBody, gateway: Gateway) -> JSONResponse:
-    """``auto``: moves drive. ``remote``: ``/twist`` drives. ``manual``: nobody does, the robot can be pushed."""
+    """``auto``: moves drive. ``remote``: ``/twist`` drives. ``manual``: nothing drives, the robot can be pushed."""
     mode = body.control_mode or body.mode
     if mode is None:
         raise BadRequest("control_mode: is missing; want auto, manual or remote")
@@ -70,7 +70,7 @@ async def set_control_mode(body: ControlModeBody, gateway: Gateway) -> JSONRespo
 
 @services.post("/wheel_control/set_emergency_stop", responses=_SERVICE)
 async def set_emergency_stop(body: EmergencyStopBody, gateway: Gateway) -> JSONResponse:
-    """Stop at once and stay so until released."""
+    """Stop at once; the robot stays stopped until ``enable`` is false."""
     return await _execute(gateway, ChassisRequest(request=SetEmergencyStop(enable=body.enable)))
 
 
@@ -81,13 +81,13 @@ async def set_emergency_stop_pressed(body: EmergencyStopBody, gateway: Gateway) 
 
 @services.post("/jack_up", responses=_SERVICE)
 async def jack_up(gateway: Gateway) -> JSONResponse:
-    """Answered at once; how far the jack is, tells the WebSocket topic ``/jack_state``."""
+    """Answered at once; progress is on the WebSocket topic ``/jack_state``."""
     return await _execute(gateway, ChassisRequest(request=JackRequest(direction="up")))
 
 
 @services.post("/jack_down", responses=_SERVICE)
 async def jack_down(gateway: Gateway) -> JSONResponse:
-    """Answered at once; how far the jack is, tells the WebSocket topic ``/jack_state``."""
+    """Answered at once; progress is on the WebSocket topic ``/jack_state``."""
     return await _execute(gateway, ChassisRequest(request=JackRequest(direction="down")))
 
 

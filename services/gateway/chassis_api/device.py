@@ -11,12 +11,14 @@ import numpy as np
 from fastapi import APIRouter
 from pydantic import BaseModel
 
+from rackhand.schemas import topics
 from rackhand.schemas.chassis import ChassisModel
 from rackhand.services.gateway.build import git_info
 from rackhand.services.gateway.context import Gateway
 from rackhand.services.gateway.http.errors import failures, unavailable
-from rackhand.services.gateway.state import State
-from rackhand.services.gateway.ws.topics import footprint
+from rackhand.services.gateway.presence import Services
+from rackhand.services.gateway.state import RobotState
+from rackhand.services.gateway.ws.payloads import footprint
 
 router = APIRouter(prefix="/device", tags=["device"])
 
@@ -39,7 +41,7 @@ class BootLog(BaseModel):
 
 
 class BootProgress(BaseModel):
-    """``progress`` is the share of the expected services that are there."""
+    """``progress`` is the share of the expected services that are up."""
 
     start_time: float
     progress: float
@@ -50,7 +52,7 @@ class BootProgress(BaseModel):
 async def device_info(gateway: Gateway) -> dict[str, Any]:
     """What this robot is. 503 until its driver has told its body."""
     robot = gateway.chassis
-    model = gateway.state.facts.model
+    model = gateway.state.facts.newest(topics.CHASSIS_MODEL)
     if model is None:
         raise unavailable(f"the driver of {robot} has not told its body yet")
     gitinfo = await asyncio.to_thread(git_info)  # the first call runs git
@@ -64,17 +66,21 @@ async def device_brief(gateway: Gateway) -> dict[str, Any]:
 
 @router.get("/boot_progress", responses=failures())
 async def boot_progress(gateway: Gateway) -> BootProgress:
-    """How much of the cell is there. Always 200."""
-    state = gateway.state
-    logs = [
-        BootLog(stamp=known.since, progress=_progress(state), msg=f"{service} is {'up' if known.alive else 'down'}")
-        for service, known in sorted(state.services.items(), key=lambda item: item[1].since)
+    """How much of the cell is up. Always 200."""
+    services = gateway.services
+    return BootProgress(start_time=services.started, progress=services.progress, logs=_boot_logs(services))
+
+
+def _boot_logs(services: Services) -> list[BootLog]:
+    return [
+        BootLog(stamp=known.since, progress=services.progress, msg=f"{service} is {'up' if known.alive else 'down'}")
+        for service, known in sorted(services.known.items(), key=lambda item: item[1].since)
     ]
-    return BootProgress(start_time=state.started, progress=_progress(state), logs=logs)
 
 
-def device_info_brief(state: State) -> dict[str, Any]:
-    name = state.facts.model.name if state.facts.model is not None else "unknown"
+def device_info_brief(state: RobotState) -> dict[str, Any]:
+    model = state.facts.newest(topics.CHASSIS_MODEL)
+    name = model.name if model is not None else "unknown"
     return {
         "rosversion": "",
         "rosdistro": "",
@@ -134,11 +140,6 @@ def _distance_to_edge(begin: np.ndarray[Any, Any], end: np.ndarray[Any, Any]) ->
     length_squared = float(edge @ edge)
     along = 0.0 if length_squared == 0 else min(max(float(-begin @ edge) / length_squared, 0.0), 1.0)
     return math.hypot(*(begin + along * edge))
-
-
-def _progress(state: State) -> float:
-    expected = state.expected
-    return sum(map(state.is_alive, expected)) / len(expected) if expected else 1.0
 
 
 def _version() -> str:

@@ -1,4 +1,4 @@
-"""The robot's maps: the store of them, and the one in use."""
+"""The robot's map store, and the map in use."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from rackhand.schemas.maps import (
     MapSummary,
     Overlays,
     PatchMap,
+    ReplaceMap,
     SelectMap,
     UseMapData,
 )
@@ -49,20 +50,22 @@ MapId = Annotated[int, Path(ge=0, le=MAX_ID)]
 _HOST = re.compile(r"[A-Za-z0-9.\-_]+(:\d+)?|\[[0-9A-Fa-f:.]+\](:\d+)?")
 _Responses = dict[int | str, dict[str, Any]]
 _PNG: _Responses = {200: {"content": {"image/png": {"schema": {"type": "string", "format": "binary"}}}}}
+# Fields of a map that are numbers, in a form too.
+NUMBERS = ("grid_origin_x", "grid_origin_y", "grid_resolution", "map_version", "overlays_version")
 _ZIP: _Responses = {200: {"content": {"application/zip": {"schema": {"type": "string", "format": "binary"}}}}}
 
 
 @router.get("/maps", responses=failures(503))
 async def list_maps(request: Request, gateway: Gateway) -> list[MapRow]:
     reply = await _ask(gateway, MapRequest(request=ListMaps()))
-    return [MapRow.at(summary, _root(request)) for summary in reply.maps]
+    return [MapRow.at(summary, _root(request, gateway)) for summary in reply.maps]
 
 
 @router.post("/maps", status_code=201, responses=failures(400, 413, 503))
 async def create_map(body: MapBody, request: Request, gateway: Gateway) -> MapRow:
-    """Store a map. It is not used until ``POST /chassis/current-map`` chooses it."""
+    """Store a map. It is not used until ``POST /chassis/current-map`` selects it. Also as ``multipart/form-data``."""
     created = await run_in_threadpool(_to_create, body)
-    return MapRow.at(_one(await _ask(gateway, MapRequest(request=created))), _root(request))
+    return MapRow.at(_one(await _ask(gateway, MapRequest(request=created))), _root(request, gateway))
 
 
 @router.delete("/maps", status_code=204, responses=failures(503))
@@ -94,15 +97,30 @@ async def download_map(map_id: MapId, gateway: Gateway) -> Response:
 @router.get("/maps/{map_id}", responses=failures(404, 503))
 async def get_map(map_id: MapId, request: Request, gateway: Gateway) -> MapDetail:
     data = await _whole(gateway, map_id)
-    return map_detail(data, _root(request), json.dumps(data.overlays, ensure_ascii=False))
+    return map_detail(data, _root(request, gateway), json.dumps(data.overlays, ensure_ascii=False))
+
+
+@router.put("/maps/{map_id}", responses=failures(400, 404, 413, 503))
+async def replace_map(map_id: MapId, body: MapBody, request: Request, gateway: Gateway) -> MapRow:
+    """Overwrite a stored map. The map in use stays as it is until ``POST /chassis/current-map`` selects it again."""
+    whole = await run_in_threadpool(_to_create, body)
+    replaced = ReplaceMap(id=map_id, map=whole)
+    return MapRow.at(_one(await _ask(gateway, MapRequest(request=replaced))), _root(request, gateway))
 
 
 @router.patch("/maps/{map_id}", responses=failures(400, 404, 413, 503))
 async def patch_map(map_id: MapId, body: MapPatchBody, request: Request, gateway: Gateway) -> MapRow:
-    """New name or overlays. A map in use goes on with its old ones until it is chosen again."""
-    overlays = None if body.overlays is None else _overlays(body.overlays)
-    patch = PatchMap(id=map_id, map_name=body.map_name, overlays=overlays)
-    return MapRow.at(_one(await _ask(gateway, MapRequest(request=patch))), _root(request))
+    """New name, overlays or versions. New overlays without a version get the next one. The map in use keeps its old
+    ones until it is selected again.
+    """
+    patch = PatchMap(
+        id=map_id,
+        map_name=body.map_name,
+        overlays=None if body.overlays is None else _overlays(body.overlays),
+        map_version=body.map_version,
+        overlays_version=body.overlays_version,
+    )
+    return MapRow.at(_one(await _ask(gateway, MapRequest(request=patch))), _root(request, gateway))
 
 
 @router.delete("/maps/{map_id}", status_code=204, responses=failures(400, 404, 503))
@@ -149,6 +167,8 @@ def _to_create(body: MapBody) -> CreateMap:
         png=_png(body.occupancy_grid),
         origin=(body.grid_origin_x, body.grid_origin_y),
         resolution=body.grid_resolution,
+        map_version=body.map_version or 0,
+        overlays_version=body.overlays_version or 0,
         overlays=_overlays({"type": "FeatureCollection", "features": []} if body.overlays is None else body.overlays),
     )
 
@@ -207,7 +227,7 @@ def _archive(data: MapData) -> bytes:
     return packed.getvalue()
 
 
-def _root(request: Request) -> str:
-    """``http://host:port`` as the client called it."""
+def _root(request: Request, gateway: Context) -> str:
+    """``http://host:port`` as the client called it, with the path of the robot."""
     host = request.headers.get("host", "")
-    return f"{request.scope['scheme']}://{host if _HOST.fullmatch(host) else 'localhost'}"
+    return f"{request.scope['scheme']}://{host if _HOST.fullmatch(host) else 'localhost'}{gateway.prefix}"

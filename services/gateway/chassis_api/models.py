@@ -1,55 +1,54 @@
-"""What travels over HTTP: bodies taken, objects returned. Key order is that of a real robot."""
+"""Bodies of HTTP requests and answers. Key order is that of a real robot."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapData, MapSummary, Overlays
-from rackhand.schemas.moves import Move, MoveCreate, MoveType
+from rackhand.schemas.moves import Move, MoveCreate, Name
 
 MAX_ID = 2**63 - 1
-Name = Annotated[str, Field(max_length=1000)]
+Version = Annotated[int, Field(ge=0, le=MAX_ID)]
 
 
 class Body(BaseModel):
-    """A request body: strict about what it knows; what it does not know is ignored, as on a real robot."""
+    """A request body: strict about the fields it knows; unknown ones are ignored, as on a real robot."""
 
     model_config = ConfigDict(strict=True, extra="ignore", allow_inf_nan=False, frozen=True)
 
 
-class MoveBody(Body):
-    """A move to create. Metres, radians, map frame."""
+_NULLABLE = ("charge_retry_count", "properties")
+_MOVES = [
+    {"creator": "docs", "type": "standard", "target_x": 4.0, "target_y": 2.5, "target_ori": 1.57},
+    {"creator": "docs", "type": "standard", "target_ori": 0.0, "properties": {"inplace_rotate": True}},
+]
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"creator": "docs", "type": "standard", "target_x": 4.0, "target_y": 2.5, "target_ori": 1.57},
-                {"creator": "docs", "type": "standard", "target_ori": 0.0, "properties": {"inplace_rotate": True}},
-            ]
-        }
-    )
-    creator: Name = "control_unit"
-    type: MoveType = "none"
-    target_x: float | None = None
-    target_y: float | None = None
-    target_z: float | None = None
-    target_ori: float | None = None
-    target_accuracy: Annotated[float, Field(ge=0)] | None = None
-    use_target_zone: bool | None = None
-    route_coordinates: Annotated[str, Field(max_length=100_000)] | None = None
-    detour_tolerance: Annotated[float, Field(ge=0)] | None = None
-    charge_retry_count: Annotated[int, Field(ge=0, le=1_000_000)] | None = 0
-    rack_area_id: Name | None = None
-    properties: dict[str, Any] | None = Field(default=None, description="kept and returned as sent")
+
+def _describe_move(schema: dict[str, Any]) -> None:
+    """Examples, and the fields that clients may send as ``null`` though a stored move has a value."""
+    schema["examples"] = _MOVES
+    for name in _NULLABLE:
+        schema["properties"][name] = {"anyOf": [schema["properties"][name], {"type": "null"}]}
+
+
+class MoveBody(MoveCreate):
+    """A move to create. Metres, radians, map frame. Unknown keys are ignored."""
+
+    model_config = ConfigDict(extra="ignore", json_schema_extra=_describe_move)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_nulls(cls, given: Any) -> Any:
+        """Clients send ``null`` for what they have no value for, and moves come back with such fields."""
+        if not isinstance(given, dict):
+            return given
+        return {key: value for key, value in given.items() if value is not None or key not in _NULLABLE}
 
     def to_message(self) -> MoveCreate:
-        fields = self.model_dump()
-        fields["charge_retry_count"] = self.charge_retry_count or 0
-        fields["properties"] = self.properties or {}
-        return MoveCreate(**fields)
+        return MoveCreate(**self.model_dump())
 
 
 class MoveShort(BaseModel):
@@ -71,7 +70,7 @@ class MoveShort(BaseModel):
 
 
 class MoveFull(BaseModel):
-    """A move as it is kept."""
+    """The stored move."""
 
     id: int
     creator: str
@@ -103,7 +102,7 @@ def _record(move: Move, fields: set[str]) -> dict[str, Any]:
 
 
 def fail_reason(number: int) -> MoveFailReason:
-    """A number this gateway does not know (of a newer planner, say) counts as unknown."""
+    """A number unknown to this gateway (of a newer planner, say) counts as ``UNKNOWN``."""
     try:
         return MoveFailReason(number)
     except ValueError:
@@ -111,7 +110,7 @@ def fail_reason(number: int) -> MoveFailReason:
 
 
 class CancelBody(Body):
-    """The one change a move knows."""
+    """The one change of a move."""
 
     state: Literal["cancelled"]
 
@@ -129,7 +128,7 @@ class Help(BaseModel):
 
 
 class PoseBody(Body):
-    """Where the robot is, in metres and radians of the current map."""
+    """A pose in metres and radians of the current map."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"position": [1.0, 2.0, 0.0], "ori": 1.57}]})
     position: Annotated[list[float], Field(min_length=2, max_length=3)]
@@ -223,11 +222,15 @@ class MapBody(Body):
     grid_resolution: Annotated[float, Field(gt=0)]
     overlays: str | Overlays | None = Field(default=None, description="GeoJSON, as a string or an object")
     uid: Name | None = None
+    map_version: Version | None = None
+    overlays_version: Version | None = None
 
 
 class MapPatchBody(Body):
     map_name: Name | None = None
     overlays: str | Overlays | None = None
+    map_version: Version | None = None
+    overlays_version: Version | None = None
 
 
 class CurrentMapBody(Body):

@@ -19,12 +19,12 @@ MoveId = Annotated[int, Path(ge=0, le=MAX_ID, description="the id that POST retu
 
 @router.post("", status_code=201, responses=failures(400, 413, 503))
 async def create_move(body: MoveBody, gateway: Gateway) -> MoveFull:
-    """Begin a move; the one that runs, if any, is cancelled. There is no queue.
+    """Start a move; a running one is cancelled. There is no queue.
 
-    A target that is well formed but cannot be reached is taken, and the move then fails saying why.
+    A well-formed target that cannot be reached is accepted; the move then fails with the reason.
     """
     move = await _one(gateway, MoveRequest(request=CreateMove(move=body.to_message())))
-    # Some clients subscribe only now, and take the first end they are told of for that of their move.
+    # Some clients subscribe only now, and take the first final state they receive for that of their move.
     await gateway.hub.wait_for_move(move.id, gateway.settings.planning_state_timeout)
     return MoveFull.of(move)
 
@@ -32,7 +32,7 @@ async def create_move(body: MoveBody, gateway: Gateway) -> MoveFull:
 @router.get("", responses=failures(400, 503))
 async def list_moves(
     gateway: Gateway,
-    offset: Annotated[int, Query(ge=0, le=MAX_ID, description="leave out this many of the newest")] = 0,
+    offset: Annotated[int, Query(ge=0, le=MAX_ID, description="skip this many of the newest")] = 0,
     limit: Annotated[int | None, Query(ge=1, le=MAX_ID, description="at most this many; all if not given")] = None,
 ) -> list[MoveShort]:
     """All moves, newest first, without their targets."""
@@ -42,7 +42,7 @@ async def list_moves(
 
 @router.get("/current", responses=failures(404, 503))
 async def current_move(gateway: Gateway) -> MoveFull:
-    """The move that runs; 404 as soon as it has ended."""
+    """The running move; 404 as soon as it has ended."""
     return MoveFull.of(await _one(gateway, MoveRequest(request=GetMove())))
 
 
@@ -59,14 +59,14 @@ async def get_move(move_id: MoveId, gateway: Gateway) -> MoveFull:
 
 @router.patch("/current", responses=failures(400, 404, 413, 503))
 async def cancel_current_move(_body: CancelBody, gateway: Gateway) -> Cancelled:
-    """Cancel the move that runs; 404 when none does."""
+    """Cancel the running move; 404 when there is none."""
     await _one(gateway, MoveRequest(request=CancelMove()))
     return Cancelled()
 
 
 @router.patch("/{move_id}", responses=failures(400, 404, 413, 503))
 async def cancel_move(move_id: MoveId, _body: CancelBody, gateway: Gateway) -> Cancelled:
-    """Cancel this move if it is the one that runs; 400 when it has ended."""
+    """Cancel this move if it is running; 400 when it has ended."""
     await _one(gateway, MoveRequest(request=CancelMove(id=move_id)))
     return Cancelled()
 

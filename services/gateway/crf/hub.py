@@ -1,4 +1,4 @@
-"""Who is connected to which arm, and what the arms' controllers tell them."""
+"""The clients connected to each arm, and the events and streams of its controller for them."""
 
 from __future__ import annotations
 
@@ -6,18 +6,14 @@ import hashlib
 import secrets
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
-from typing import Any
 
-from rackhand.bus import Event, Sample
-from rackhand.schemas import topics
+from rackhand.schemas.motion import MotionEvent, MotionStream
 from rackhand.services.gateway.crf.session import Ask, Session
 from rackhand.services.gateway.crf.text import event_text
 
-SUBSCRIPTIONS: tuple[topics.Topic[Any], ...] = (topics.MOTION_EVENT, topics.MOTION_STREAM)
-
 
 class MotionHub:
-    """``gone(arm, session)`` tells an arm's controller that a connection is closed."""
+    """``gone(arm, session)`` is called when a connection to an arm is closed."""
 
     def __init__(
         self, arms: Iterable[str] = (), gone: Callable[[str, str], None] = lambda _arm, _session: None
@@ -31,17 +27,17 @@ class MotionHub:
         """The session of a client over HTTP: the same for the same client, and not to be guessed from its name."""
         return hashlib.blake2s(client.encode(), key=self._key, digest_size=24).hexdigest()
 
-    def on_message(self, event: Event) -> None:
-        if not isinstance(event, Sample) or event.robot not in self._sessions:
-            return
-        sessions = self._sessions[event.robot]
-        if event.topic is topics.MOTION_STREAM:
-            if (session := sessions.get(event.message.session)) is not None:
-                session.tell_status(event.message.text)
-        elif event.topic is topics.MOTION_EVENT and sessions:
-            text = event_text(event.message.name, event.message.info)
+    def on_stream(self, arm: str, stream: MotionStream) -> None:
+        """A status of the stream that one session has started."""
+        if (session := self._sessions.get(arm, {}).get(stream.session)) is not None:
+            session.tell_status(stream.text)
+
+    def on_event(self, arm: str, event: MotionEvent) -> None:
+        """An event of an arm; each session decides whether it concerns it."""
+        if sessions := self._sessions.get(arm):
+            text = event_text(event.name, event.info)
             for session in sessions.values():
-                session.tell_event(event.message, text)
+                session.tell_event(event, text)
 
     @asynccontextmanager
     async def session(self, arm: str, ask: Ask) -> AsyncIterator[Session]:

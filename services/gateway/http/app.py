@@ -8,30 +8,35 @@ from fastapi import FastAPI
 from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
-from rackhand.services.gateway.chassis_api import chassis, device, maps, moves
-from rackhand.services.gateway.context import BusClient, Context
+from rackhand.services.gateway.chassis_api import chassis, device, files, maps, moves
+from rackhand.services.gateway.context import BusClient, Shared
 from rackhand.services.gateway.crf import motion
 from rackhand.services.gateway.crf.hub import MotionHub
-from rackhand.services.gateway.http import docs, errors, health
+from rackhand.services.gateway.fleet import Fleet
+from rackhand.services.gateway.http import docs, errors, health, robots
 from rackhand.services.gateway.http.methods import AllowedMethods
 from rackhand.services.gateway.http.middleware import AnyMethod, SecretHeader, StrictBody, TrailingSlash
 from rackhand.services.gateway.page import index
 from rackhand.services.gateway.settings import Settings
-from rackhand.services.gateway.state import State
-from rackhand.services.gateway.ws import websocket
-from rackhand.services.gateway.ws.broadcast import Hub
+from rackhand.services.gateway.ws import payloads, websocket
 
 DESCRIPTION = """
-The chassis API of one robot. Units are metres, radians and seconds; poses are in the current map.
+The chassis API. Units are metres, radians and seconds; poses are in the current map.
 
-What changes is told over WebSocket at `/ws/v2/topics`: send `{"enable_topic": ["/planning_state", "/tracked_pose"]}`.
-Every path may end in a slash or not. Unknown keys of a body are ignored.
+Changes of state are published over WebSocket at `/ws/v2/topics`: send
+`{"enable_topic": ["/planning_state", "/tracked_pose"]}`. Every path may end in a slash or not. Unknown keys of a body
+are ignored. Where several robots are served, each has this API under `/robots/{name}`; the paths without this prefix
+are those of the default robot.
 """
 
 
-def create_app(state: State, bus: BusClient, settings: Settings | None = None) -> FastAPI:
-    """The application. Whoever feeds it events hands them to ``app.state.context.hub.hear``, in the server's loop."""
+def create_app(fleet: Fleet, bus: BusClient, settings: Settings | None = None) -> FastAPI:
+    """The application. Messages of the bus go to ``fleet``, in the server's event loop.
+
+    Raises ``LookupError`` where a WebSocket topic of the table of topics has no payload function.
+    """
     settings = settings or Settings()
+    payloads.check_complete()
     app = FastAPI(
         title="rackhand chassis API",
         description=DESCRIPTION,
@@ -42,7 +47,7 @@ def create_app(state: State, bus: BusClient, settings: Settings | None = None) -
         strict_content_type=False,
         generate_unique_id_function=_operation_id,
     )
-    app.state.context = Context(settings, state, Hub(state, settings.interval), bus, MotionHub(settings.arms))
+    app.state.shared = Shared(settings, fleet, bus, MotionHub(settings.arms))
     for router in (
         index.router,
         docs.router,
@@ -51,19 +56,28 @@ def create_app(state: State, bus: BusClient, settings: Settings | None = None) -
         chassis.services,
         maps.router,
         device.router,
+        files.router,
+        robots.router,
         motion.router,
     ):
         app.include_router(router)
     app.include_router(health.router)
     app.include_router(websocket.router)
     _describe(app)
-    allowed = AllowedMethods(app.openapi()).header
-    errors.install(app, allowed)
+    methods = AllowedMethods(app.openapi())
+    errors.install(app, methods.header)
     # The last one added is the first to see a request.
-    app.add_middleware(StrictBody, max_bytes=settings.max_body_bytes)
-    app.add_middleware(AnyMethod, allowed=allowed)
+    app.add_middleware(
+        StrictBody,
+        routes=app.routes,
+        find=methods.find,
+        max_bytes=settings.max_body_bytes,
+        numbers=maps.NUMBERS,
+    )
+    app.add_middleware(AnyMethod, allowed=methods.header)
     app.add_middleware(SecretHeader, secret=settings.secret)
     app.add_middleware(TrailingSlash)
+    app.add_middleware(robots.RobotPrefix, names=fleet.names)
     app.add_middleware(
         CORSMiddleware,
         allow_origin_regex=settings.allow_origins,

@@ -1,4 +1,4 @@
-"""Refusals as clients know them: a list of texts for a malformed request, ``{"detail": …}`` for all else.
+"""Refusals in the API's shapes: a list of texts for a malformed request, ``{"detail": …}`` for all else.
 
 An unknown URL answers an HTML page, as a real robot does, unless the client asks for JSON.
 """
@@ -40,19 +40,21 @@ class BadRequest(Exception):
 
 
 _DESCRIPTIONS: dict[int, tuple[str, Any]] = {
-    400: ("Malformed (a list of texts), or something stands in the way (`detail`)", list[str] | Detail),
-    401: ("The `Secret` header is wrong; only where the gateway is set up to want one", Detail),
-    404: ("There is no such thing", Detail),
-    413: ("The body is larger than the gateway takes", Detail),
-    503: ("The service that would know does not answer, or is still starting", Detail),
+    400: ("Malformed (a list of texts), or a precondition is not met (`detail`)", list[str] | Detail),
+    401: ("The `Secret` header is wrong; only where the gateway is configured with a secret", Detail),
+    404: ("Not found", Detail),
+    413: ("The body is larger than the gateway accepts", Detail),
+    415: ("The Content-Type is not one this path accepts", Detail),
+    503: ("The service that answers this is down or still starting", Detail),
 }
 
 
 def failures(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """The ``responses`` of a route that may fail so; 401 goes with every route."""
+    """The ``responses`` of a route that may fail so; 401 goes with every route, 415 with every one that has a body."""
+    with_body = (415,) if 413 in statuses else ()
     return {
         status: {"description": _DESCRIPTIONS[status][0], "model": _DESCRIPTIONS[status][1]}
-        for status in (401, *statuses)
+        for status in (401, *statuses, *with_body)
     }
 
 
@@ -65,8 +67,12 @@ def detail(status: int, text: str, headers: dict[str, str] | None = None) -> JSO
     return JSONResponse({"detail": text}, status_code=status, headers=headers)
 
 
+def not_allowed(method: str, allowed: str) -> JSONResponse:
+    return detail(405, f'Method "{method}" not allowed.', {"allow": allowed})
+
+
 def from_bus(error: BusError | MalformedMessage) -> JSONResponse:
-    """What the bus's refusals and silences are in HTTP."""
+    """The HTTP answer to a refusal or a missing answer on the bus."""
     match error:
         case Refused(code=RefusalCode.NOT_FOUND):
             return detail(404, error.text)
@@ -108,18 +114,17 @@ def install(app: FastAPI, allowed: Callable[[str], str]) -> None:
     @app.exception_handler(HTTPException)
     async def http(request: Request, error: HTTPException) -> Response:
         if error.status_code == 405:
-            headers = {"allow": allowed(request.scope["path"])}
-            return detail(405, f'Method "{request.method}" not allowed.', headers)
+            return not_allowed(request.method, allowed(request.scope["path"]))
         return http_error(request, error)
 
     @app.exception_handler(Exception)
     async def unexpected(request: Request, error: Exception) -> Response:
         log.error("unexpected error", path=request.scope["path"], error=repr(error))
-        return detail(500, "internal error; the gateway's log tells more")
+        return detail(500, "internal error; see the gateway's log")
 
 
 def not_valid(error: RequestValidationError) -> Response:
-    """A path that no number can be made of names nothing; everything else is a malformed request."""
+    """A path with a part that is not a number is not found; everything else is a malformed request."""
     found = error.errors()
     if any(one["loc"][:1] == ("path",) for one in found):
         return detail(404, "Not found.")
@@ -158,7 +163,7 @@ def _page_not_found(path: str) -> HTMLResponse:
     title = f"Page not found at {html.escape(path[:200])}"
     return HTMLResponse(
         f"<!DOCTYPE html><html lang=en><head><title>{title}</title></head><body><h1>Page not found</h1>"
-        f'<p>{title}. What there is: <a href="/docs">/docs</a>.</p></body></html>\n',
+        f'<p>{title}. Documentation: <a href="/docs">/docs</a>.</p></body></html>\n',
         status_code=404,
     )
 
@@ -168,5 +173,5 @@ def not_found(text: str) -> HTTPException:
 
 
 def unavailable(text: str) -> HTTPException:
-    """Something this answer is made of has not been heard of yet."""
+    """503: a message that this answer needs has not arrived yet."""
     return HTTPException(503, text)

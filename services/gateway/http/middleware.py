@@ -1,18 +1,20 @@
-"""What happens to a request before any route sees it: slashes, secret, body."""
+"""What happens to a request before a route gets it: slashes, secret, body."""
 
 from __future__ import annotations
 
 import hmac
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from urllib.parse import parse_qs
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
 from starlette.responses import Response
+from starlette.routing import BaseRoute, Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from rackhand.services.gateway.http.bodies import MalformedJson, quote_bare_keys, read_json
-from rackhand.services.gateway.http.errors import bad_request, detail
+from rackhand.services.gateway.http.errors import bad_request, detail, not_allowed
+from rackhand.services.gateway.http.forms import MalformedForm, form_to_json
 
 BODY_METHODS = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 # Asked by supervisors, which hold no secret, and by browsers, which cannot send it before the page is there.
@@ -21,6 +23,7 @@ OPEN_FOLDERS = ("/page/", "/docs/")
 # Here the API's documentation itself writes {state: "cancelled"}.
 BARE_KEYS_PATH = "/chassis/moves/"
 MOTION_FOLDER = "/motion/"
+FORMS_FOLDER = "/maps"
 LARGE_BODY = 256 * 1024
 
 
@@ -83,14 +86,36 @@ class SecretHeader:
 
 
 class StrictBody:
-    """Lets only well-formed JSON through. A body without a Content-Type counts as JSON; an empty one is none."""
+    """Lets only well-formed JSON through. A body without a Content-Type counts as JSON; an empty one is none.
 
-    def __init__(self, app: ASGIApp, max_bytes: int) -> None:
+    The URL is checked first, then the method, the content type, and the body: what none of ``routes`` takes goes on
+    unread, to be answered with 404 or 405. ``find`` gives a path's parameters, of which ids are numbers, and its
+    ``Allow`` header. Maps may also come as a form; its fields in ``numbers`` are numbers.
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        routes: Sequence[BaseRoute],
+        find: Callable[[str], tuple[dict[str, str], str] | None],
+        max_bytes: int,
+        numbers: Collection[str] = (),
+    ) -> None:
         self.app = app
+        self.routes = routes
+        self.find = find
         self.max_bytes = max_bytes
+        self.numbers = frozenset(numbers)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or scope["method"] not in BODY_METHODS:
+            await self.app(scope, receive, send)
+            return
+        refusal = self._check_url(scope["path"], scope["method"])
+        if refusal is not None:
+            await refusal(scope, receive, send)
+            return
+        if not any(route.matches(scope)[0] is Match.FULL for route in self.routes):
             await self.app(scope, receive, send)
             return
         body = await self._read(receive)
@@ -101,6 +126,16 @@ class StrictBody:
             await checked(scope, receive, send)
         else:
             await self.app(_as_json(scope, checked), _replay(checked, receive), send)
+
+    def _check_url(self, path: str, method: str) -> Response | None:
+        """404 for an id that is no number, 405 for a method that the path does not take."""
+        found = self.find(path)
+        if found is None:
+            return None
+        parameters, allowed = found
+        if any(name.endswith("_id") and not value.lstrip("-").isdecimal() for name, value in parameters.items()):
+            return detail(404, "Not found.")
+        return None if method in allowed.split(", ") else not_allowed(method, allowed)
 
     async def _read(self, receive: Receive) -> bytes | None:
         """The body; of one that is too large, only as much as shows that it is."""
@@ -122,8 +157,13 @@ class StrictBody:
             return body
         kind = Headers(scope=scope).get("content-type", "application/json")
         media = kind.partition(";")[0].strip().lower()
+        if media == "multipart/form-data" and scope["path"].partition(FORMS_FOLDER)[0] == "":
+            try:
+                return await run_in_threadpool(form_to_json, body, kind, self.numbers)
+            except MalformedForm as error:
+                return bad_request([f"form: {error}"])
         if not (media == "application/json" or (media.startswith("application/") and media.endswith("+json"))):
-            return bad_request([f"Content-Type is {media[:60]!r}, want application/json"])
+            return detail(415, f"Content-Type is {media[:60]!r}, want application/json")
         if scope["path"].startswith(MOTION_FOLDER):  # the protocol has its own answer to what is malformed
             return body
         if scope["method"] == "PATCH" and scope["path"].startswith(BARE_KEYS_PATH):
@@ -139,7 +179,7 @@ class StrictBody:
 
 
 def _as_json(scope: Scope, body: bytes) -> Scope:
-    """The request as a route sees it: its body is JSON, whatever was or was not said of it."""
+    """The request as a route gets it: with a body of JSON, whatever its headers said of it."""
     dropped = (b"content-type", b"content-length", b"transfer-encoding")
     headers = [(name, value) for name, value in scope["headers"] if name not in dropped]
     if body:

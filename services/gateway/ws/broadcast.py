@@ -5,16 +5,17 @@ from __future__ import annotations
 import asyncio
 import itertools
 import json
-import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any
 
-from rackhand.bus import Event
 from rackhand.bus.log import get_logger
-from rackhand.services.gateway.state import Change, State
-from rackhand.services.gateway.ws.topics import LEGACY_NAMES, Payload
+from rackhand.schemas import topics
+from rackhand.schemas import websocket as ws
+from rackhand.schemas.base import Message
+from rackhand.schemas.topics import Topic
+from rackhand.services.gateway.state import Change, RobotState
 
 log = get_logger(__name__)
 
@@ -23,13 +24,13 @@ MAX_REPLIES = 64
 MAX_UNREAD = 1024  # answers that a client which does not wait for them leaves unread
 MAX_UNREAD_CHARACTERS = 8 * 1024 * 1024
 MAX_TOPICS = 1000
-# As measured on a real Longjack: these come on change, and again after so long without one. Seconds of wall time.
-REPEATED = frozenset({"/planning_state", "/robot_model"})
-REPEAT_AFTER = 12.0
+REPEAT_AFTER = 12.0  # seconds of wall time without a change, as measured on a real Longjack
 
 
-def frame(topic: str, payload: Payload) -> str:
-    return json.dumps({"topic": topic, **payload}, separators=(",", ":"), allow_nan=False)
+def frame(topic: str, payload: ws.Frame) -> str:
+    """The text of a frame. Raises ``ValueError`` or ``TypeError`` for what JSON cannot carry."""
+    fields = payload.model_dump(exclude_unset=True)
+    return json.dumps({"topic": topic, **fields}, separators=(",", ":"), allow_nan=False)
 
 
 class Outbox:
@@ -97,7 +98,7 @@ class Client:
     def __init__(self, number: int, legacy: bool = False) -> None:
         self.number = number
         self.outbox = Outbox()
-        self._canonical = LEGACY_NAMES if legacy else {}
+        self._canonical = {view.LEGACY: view.TOPIC for view in topics.websocket_topics() if legacy and view.LEGACY}
         self._names: dict[str, None] = {}
         self._by_topic: dict[str, list[str]] = {}
 
@@ -106,8 +107,8 @@ class Client:
         return list(reversed(self._names))
 
     @property
-    def identity(self) -> Payload:
-        return {"id": self.number, "username": f"client-{self.number}", "email": ""}
+    def identity(self) -> ws.Connection:
+        return ws.Connection(id=self.number, username=f"client-{self.number}", email="")
 
     def change(self, enable: Iterable[str], disable: Iterable[str] = ()) -> list[str]:
         """Enable and disable topics. Returns those that were not enabled before.
@@ -134,13 +135,14 @@ class Client:
 
 
 class Hub:
-    """Takes events in and sends what they changed to those who enabled it, no faster than each topic's rate.
+    """Takes one robot's messages in and sends what they changed to clients that enabled it, no faster than each
+    topic's rate.
 
     Lives in one event loop. ``interval`` gives the least seconds between two frames of a topic; ``repeat_after``, after
     how many the state topics that a real robot repeats are sent again.
     """
 
-    def __init__(self, state: State, interval: Callable[[str], float], repeat_after: float = REPEAT_AFTER) -> None:
+    def __init__(self, state: RobotState, interval: Callable[[str], float], repeat_after: float = REPEAT_AFTER) -> None:
         self.state = state
         self.clients: dict[int, Client] = {}
         self._interval = interval
@@ -149,12 +151,13 @@ class Hub:
         self._last_sent: dict[str, float] = {}
         self._due: dict[str, asyncio.TimerHandle] = {}
         self._repeats: dict[str, asyncio.TimerHandle] = {}
-        self._planning_heard = asyncio.Event()
+        self._planning_changed = asyncio.Event()
+        self._repeated = {view.TOPIC for view in topics.websocket_topics() if view.REPEATED}
 
     def join(self, legacy: bool = False) -> Client:
         client = Client(next(self._numbers), legacy)
         self.clients[client.number] = client
-        everyone = {"connections": [one.identity for one in self.clients.values()]}
+        everyone = ws.Connections(connections=[one.identity for one in self.clients.values()])
         client.outbox.event("/ws_connections", frame("/ws_connections", everyone))
         self._publish("/ws_connection_established", client.identity)
         return client
@@ -163,19 +166,19 @@ class Hub:
         if self.clients.pop(client.number, None) is not None:
             self._publish("/ws_connection_disconnected", client.identity)
 
-    def on_message(self, event: Event) -> None:
-        for change in self.state.on_message(event, time.time()):
+    def on_message(self, topic: Topic[Any], message: Message) -> None:
+        for change in self.state.on_message(topic, message):
             self._changed(change)
-            if change.topic == "/planning_state":
-                self._planning_heard.set()
+        if topic is topics.PLANNING_STATE:
+            self._planning_changed.set()
 
     async def wait_for_move(self, move_id: int, seconds: float) -> None:
-        """Until what is latched tells of this move or a later one; at most so long."""
+        """Until the latched ``/planning_state`` is that of this move or a later one; at most so long."""
         with suppress(TimeoutError):
             async with asyncio.timeout(seconds):
-                while not self.state.tells_of_move(move_id):
-                    self._planning_heard.clear()
-                    await self._planning_heard.wait()
+                while not self.state.shows_move(move_id):
+                    self._planning_changed.clear()
+                    await self._planning_changed.wait()
 
     def send_present(self, client: Client, name: str) -> None:
         """The latched value of a topic the client has just enabled, if there is one."""
@@ -220,7 +223,7 @@ class Hub:
         self._last_sent[topic] = asyncio.get_running_loop().time()
         readers = [(client, name) for client in self.clients.values() for name in client.names_of(topic)]
         texts = {name: self._frame(topic, name) for name in {name for _, name in readers}}
-        if topic in REPEATED:
+        if topic in self._repeated:
             self._due_again(topic)
         for client, name in readers:
             if (text := texts[name]) is None:
@@ -236,10 +239,10 @@ class Hub:
             payload = self.state.payload(topic)
             return None if payload is None else frame(name, payload)
         except (ValueError, TypeError, RecursionError) as error:
-            log.warning("a topic has no value that can be sent", topic=topic, error=str(error))
+            log.warning("a value cannot be sent as JSON", topic=topic, robot=self.state.robot, error=str(error))
             return None
 
-    def _publish(self, topic: str, payload: dict[str, Any]) -> None:
+    def _publish(self, topic: str, payload: ws.Frame) -> None:
         text = frame(topic, payload)
         for client in self.clients.values():
             client.outbox.event(topic, text)

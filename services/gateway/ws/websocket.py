@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import json
 from contextlib import suppress
-from typing import Annotated, Any
+from typing import Any
 
 from fastapi import APIRouter, WebSocket
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 from starlette.websockets import WebSocketDisconnect
 
 from rackhand.bus import BusError
@@ -16,30 +16,13 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import Twist2
 from rackhand.schemas.chassis import ChassisRequest, RemoteTwist
 from rackhand.schemas.codec import MalformedMessage, explain
+from rackhand.schemas.websocket import Empty, EnabledTopics, Error, Subscription, Twist
 from rackhand.services.gateway.chassis_api.device import device_info_brief
 from rackhand.services.gateway.context import Context, Gateway
 from rackhand.services.gateway.http.bodies import MalformedJson, read_json
 from rackhand.services.gateway.ws.broadcast import Client, frame
 
 router = APIRouter()
-
-TopicName = Annotated[str, Field(min_length=1, max_length=200)]
-
-
-class _Frame(BaseModel):
-    model_config = ConfigDict(strict=True, extra="ignore", allow_inf_nan=False)
-
-
-class Twist(_Frame):
-    """One step of remote driving, m/s and rad/s, left positive."""
-
-    linear_velocity: float
-    angular_velocity: float
-
-
-class Subscription(_Frame):
-    enable_topic: TopicName | list[TopicName] = []
-    disable_topic: TopicName | list[TopicName] = []
 
 
 @router.websocket("/ws/v2/topics")
@@ -84,7 +67,7 @@ async def _receive(websocket: WebSocket, gateway: Context, client: Client) -> No
 
 
 async def answer(message: Any, gateway: Context, client: Client) -> list[str]:
-    """What one frame is answered with. A frame that is wrong changes nothing and is told so; the connection stays."""
+    """The answers to one frame. A wrong one changes nothing and is answered on ``/error``; the connection stays."""
     text = message.get("text")
     try:
         value = read_json(text if text is not None else message.get("bytes") or b"")
@@ -96,11 +79,13 @@ async def answer(message: Any, gateway: Context, client: Client) -> list[str]:
             case "/twist":
                 return [await _drive(Twist.model_validate(value), gateway)]
             case "/get_device_info_brief":
-                return [frame("/device_info_brief", device_info_brief(gateway.state))]
+                return [json.dumps({"topic": "/device_info_brief", **device_info_brief(gateway.state)})]
             case None:
                 raise MalformedJson("want enable_topic, disable_topic or topic")
             case other:
-                raise MalformedJson(f"topic {str(other)[:80]!r} takes nothing from clients")
+                raise MalformedJson(
+                    f"topic {str(other)[:80]!r} cannot be published by clients; want /twist or /get_device_info_brief"
+                )
     except ValidationError as error:
         return [_error(explain(error))]
     except (MalformedJson, MalformedMessage, BusError, ValueError) as error:
@@ -108,10 +93,10 @@ async def answer(message: Any, gateway: Context, client: Client) -> list[str]:
 
 
 def _subscribe(wanted: Subscription, gateway: Context, client: Client) -> str:
-    """The complete set of enabled topics. Unknown ones are echoed, and stay silent: clients take the echo for truth."""
+    """The complete set of enabled topics, unknown ones included, which stay silent: clients compare it with theirs."""
     for name in client.change(_listed(wanted.enable_topic), _listed(wanted.disable_topic)):
         gateway.hub.send_present(client, name)
-    return json.dumps({"enabled_topics": client.enabled}, separators=(",", ":"))
+    return EnabledTopics(enabled_topics=client.enabled).model_dump_json()
 
 
 def _listed(names: str | list[str]) -> list[str]:
@@ -122,8 +107,8 @@ async def _drive(twist: Twist, gateway: Context) -> str:
     """The feedback is the client's flow control: one for each command that was taken."""
     body = Twist2(linear=twist.linear_velocity, angular=twist.angular_velocity)
     await gateway.ask(topics.CHASSIS_REQUEST, ChassisRequest(request=RemoteTwist(twist=body)))
-    return frame("/twist_feedback", {})
+    return frame("/twist_feedback", Empty())
 
 
 def _error(text: str) -> str:
-    return frame("/error", {"detail": text})
+    return frame("/error", Error(detail=text))

@@ -18,6 +18,8 @@ BEHAVIORS: Registry = {
     "standard": drive_to_pose.for_request,
     "leave_elevator": deprecated.for_request,
     "pull_over": deprecated.for_request,
+    "parking": deprecated.for_request,
+    "along_central_line": deprecated.for_request,
 }
 
 

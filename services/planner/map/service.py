@@ -13,6 +13,7 @@ from rackhand.schemas.maps import (
     MapReply,
     MapRequest,
     PatchMap,
+    ReplaceMap,
     SelectMap,
     UseMapData,
 )
@@ -65,10 +66,13 @@ class MapService:
             case CreateMap() as created:
                 check_map(created)
                 return MapReply(data=self._store.create(created, now))
-            case PatchMap(id=map_id, map_name=name, overlays=overlays):
-                if overlays is not None:
-                    check_overlays(overlays)
-                return MapReply(data=self._store.patch(map_id, name, overlays, now))
+            case ReplaceMap(id=map_id, map=whole):
+                check_map(whole)
+                return MapReply(data=self._store.overwrite(map_id, whole, now))
+            case PatchMap() as patch:
+                if patch.overlays is not None:
+                    check_overlays(patch.overlays)
+                return MapReply(data=self._store.patch(patch, now))
             case DeleteMap(id=map_id):
                 self._store.delete(map_id)
                 return MapReply()

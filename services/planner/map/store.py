@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from rackhand.runtime.store import Settled, Store
 from rackhand.schemas.codec import explain
-from rackhand.schemas.maps import CreateMap, MapData, MapSummary, Overlays
+from rackhand.schemas.maps import CreateMap, MapData, MapSummary, PatchMap
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.errors import StoreError
@@ -22,6 +22,7 @@ NOT_STORED = -1
 _DIRECTORY_UID = "map_directory_uid"
 _INSERT = "INSERT INTO maps (id, uid, record, png) VALUES (?, ?, ?, ?)"
 _UPDATE = "UPDATE maps SET uid = ?, record = ? WHERE id = ?"
+_UPDATE_PNG = "UPDATE maps SET png = ? WHERE id = ?"
 _DELETE = "DELETE FROM maps WHERE id = ?"
 _USE = "INSERT OR REPLACE INTO current_map VALUES (1, ?, ?)"
 _USE_NONE = "DELETE FROM current_map"
@@ -72,21 +73,36 @@ class MapStore:
         raise RequestRefused(RefusalCode.NOT_FOUND, f"there is no map with uid {uid!r}")
 
     def create(self, created: CreateMap, now: int) -> MapData:
-        taken = next((data.id for data in self._table.maps.values() if data.uid == created.uid), None)
-        if taken is not None:
-            raise RequestRefused(RefusalCode.INVALID, f"uid: {created.uid!r} is already that of map {taken}")
+        self._check_uid(created.uid)
         data = _to_data(created, self._table.last_id + 1, now)
         table = replace(self._table, maps=self._table.maps | {data.id: data}, last_id=data.id)
         self._change(table, (_INSERT, (data.id, data.uid, _record(data), data.png)))
         return data
 
-    def patch(self, map_id: int, map_name: str | None, overlays: Overlays | None, now: int) -> MapData:
-        data = self.get(map_id)
+    def overwrite(self, map_id: int, whole: CreateMap, now: int) -> MapData:
+        """Put a whole map in place of a stored one; its id and creation time stay, and its uid unless one is given."""
+        old = self.get(map_id)
+        self._check_uid(whole.uid, map_id)
+        data = _to_data(whole.model_copy(update={"uid": whole.uid or old.uid}), map_id, now)
+        data = data.model_copy(update={"create_time": old.create_time})
+        table = replace(self._table, maps=self._table.maps | {map_id: data})
+        self._change(table, (_UPDATE, (data.uid, _record(data), map_id)), (_UPDATE_PNG, (data.png, map_id)))
+        return data
+
+    def _check_uid(self, uid: str | None, map_id: int | None = None) -> None:
+        """No two maps have one uid; ``map_id`` is the one that may have it."""
+        taken = next((data.id for data in self._table.maps.values() if data.uid == uid and data.id != map_id), None)
+        if taken is not None:
+            raise RequestRefused(RefusalCode.INVALID, f"uid: {uid!r} is already that of map {taken}")
+
+    def patch(self, patch: PatchMap, now: int) -> MapData:
+        data = self.get(patch.id)
         update: dict[str, object] = {"last_modified_time": max(now, data.last_modified_time)}
-        if map_name is not None:
-            update["map_name"] = map_name
-        if overlays is not None:
-            update |= {"overlays": overlays, "overlays_version": data.overlays_version + 1}
+        if patch.overlays is not None:
+            update["overlays_version"] = data.overlays_version + 1
+        update |= patch.model_dump(exclude={"op", "id"}, exclude_none=True)
+        if patch.overlays is not None:
+            update["overlays"] = patch.overlays  # with whatever nulls it holds
         data = data.model_copy(update=update)
         table = replace(self._table, maps=self._table.maps | {data.id: data})
         self._change(table, (_UPDATE, (data.uid, _record(data), data.id)))

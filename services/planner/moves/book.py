@@ -10,7 +10,7 @@ from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.plain_json import json_error
 
 TARGET_MISSING = "(target_x target_y) or target_ori must be provided"  # the real robot's words, clients compare them
-WITHOUT_TARGET = DEPRECATED_MOVE_TYPES | {"follow_target", "along_given_route"}
+WITHOUT_TARGET = DEPRECATED_MOVE_TYPES | {"follow_target", "along_given_route", "charge"}
 RACK_TYPES = frozenset({"align_with_rack", "to_unload_point"})
 EndState = Literal["succeeded", "failed", "cancelled"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -13,15 +14,16 @@ from rackhand.schemas.motion import ArmCommand, ArmState, Gripper
 from rackhand.services.sim.arm.servo import (
     HOLD,
     POSITION,
-    STREAM_SLACK,
     VELOCITY,
     Array,
     JointLimits,
     Joints,
     Reference,
+    Servo,
     hold_to,
     let_torques,
     plan,
+    stream_velocity,
 )
 from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
 from rackhand.services.sim.mjcf.arm_model import CUP, FORCE, SEALS, SUCTION, SUCTION_FORCE, TOOL, TORQUE
@@ -74,13 +76,24 @@ class Arm:
         self.latency_ns = 0  # between a measurement and when the command that answers it takes effect
         self._step = float(model.opt.timestep)
         data.qpos[self._qpos] = home
-        self._torque, self._none = np.zeros(self.n), np.zeros(self.n)
+        self._torque, self._none, self._unknown = np.zeros(self.n), np.zeros(self.n), np.full(self.n, np.nan)
         self._reference = Reference.at(np.array(home), self._none, self._step)
         self._coasts = 0  # how many segments more a stream may be late
         # Compiled here, for no command is to wait for it.
         self._plan("hold", None, ahead=0.0)
         let_torques(self._none, self._now, self.limits, self._torque)
         hold_to(self._reference, self._now, self.limits, self._step, self._torque)
+        stream_velocity(self._none, self._none, self._unknown, 0.0, FIRST_INTERVAL, self.limits)
+
+    @property
+    def compiled_servo(self) -> Servo:
+        """What ``Physics`` needs to drive the arm while ``only_follows`` holds."""
+        return Servo(self._reference, self._now, self.limits, self._torque, self._motors, self._data.ctrl)
+
+    @property
+    def only_follows(self) -> bool:
+        """Whether its servo only holds the joints to their reference: no torques, and the gripper is off."""
+        return not self._suction and self._mode != "torque"
 
     @property
     def n(self) -> int:
@@ -137,7 +150,7 @@ class Arm:
         """What is wrong with a command in itself; empty if nothing is."""
         if len(command.values) != self.n:
             return f"{len(command.values)} values; {self.name} has {self.n} joints"
-        if not np.isfinite(command.values).all():
+        if not all(map(math.isfinite, command.values)):
             return "values that are not finite"
         return ""
 
@@ -153,13 +166,9 @@ class Arm:
             values = np.clip(values, self.limits.lower, self.limits.upper)
         gap = FIRST_INTERVAL if before is None else (command.answers - before.answers) * 1e-9
         interval = min(max(gap, SHORTEST), LONGEST) if before is None or gap > 0 else before.interval
-        velocity, slope = np.zeros(self.n), np.full(self.n, np.nan)
+        velocity, slope = self._none, self._unknown
         if before is not None and before.mode == command.mode == "position":
-            slope = (values - before.values) / gap if gap > 0 else before.slope
-            # At the end of the interval the stream is faster than on average by half of what it gained.
-            gained, most = np.nan_to_num(slope - before.slope), self.limits.acceleration * interval
-            streams = (np.abs(gained) <= STREAM_SLACK * most) & (np.abs(slope) <= 1.001 * self.limits.velocity)
-            velocity = np.where(streams, slope + np.clip(gained, -most, most) / 2, 0.0)
+            velocity, slope = stream_velocity(values, before.values, before.slope, gap, interval, self.limits)
         self._order = Order(command.mode, values, command.answers, velocity, slope, interval)
 
     def silence(self) -> None:
@@ -176,26 +185,36 @@ class Arm:
         mode: Mode = "hold" if order is None else order.mode
         if self._mode == "torque" and mode != "torque":
             # What the reference was before is forgotten.
-            self._reference = Reference.at(self._now.position, self._now.velocity, self._step)
+            self._reference.restart(self._now.position, self._now.velocity, self._step)
         if mode != self._mode or order is not self._taken:
             self._coasts = COASTS
             self._plan(mode, order, ahead=0.0 if order is None else (stamp - order.answers - self.latency_ns) * 1e-9)
         self._mode, self._taken = mode, order
+        self._holding = self._holding and self._suction
 
     def servo(self) -> None:
         """Set the motors for one physics step, whose positions and velocities are computed already (``mj_step1``)."""
         if self._mode == "torque" and self._taken is not None:
             let_torques(self._taken.values, self._now, self.limits, self._torque)
         else:
-            time, duration = self._reference.timing
-            if time > duration - self._step / 2:
-                self._go_on()
+            self.continue_reference()
             hold_to(self._reference, self._now, self.limits, self._step, self._torque)
         control = self._data.ctrl
         control[self._motors] = self._torque
         if self._pump is not None:
             self._holding = self._suction and self._is_sealed()
             control[self._pump] = float(self._holding)
+
+    def continue_reference(self) -> None:
+        """Plan the next segment if the present one has ended: no command has come, the stream is late or has ended."""
+        if not self._reference.has_ended(self._step):
+            return
+        order = self._taken
+        if order is not None and self._coasts:
+            self._coasts -= 1
+            self._plan(self._mode, order, ahead=self._ahead + self._reference.timing[1])
+        else:
+            self._plan(self._mode, order, ahead=0.0, ended=True)
 
     def _plan(self, mode: Mode, order: Order | None, ahead: float, ended: bool = False) -> None:
         """The next segment, from the present reference on. ``ahead``: by how many seconds the stream is further than
@@ -210,15 +229,6 @@ class Arm:
             values = order.values + passing * ahead if order.mode == "position" else order.values
         plan(self._reference, _PLANS.get(mode, HOLD), values, passing, self.limits, duration)
 
-    def _go_on(self) -> None:
-        """A segment has ended and no command has come: the stream is late, or has ended."""
-        order = self._taken
-        if order is not None and self._coasts:
-            self._coasts -= 1
-            self._plan(self._mode, order, ahead=self._ahead + self._reference.timing[1])
-        else:
-            self._plan(self._mode, order, ahead=0.0, ended=True)
-
     def _is_sealed(self) -> bool:
         """Whether something faces the mouth of the cup; at its side it would only draw air."""
         contact = self._data.contact
@@ -227,6 +237,10 @@ class Arm:
         return bool((along > SEALS).any())
 
     # -- what it measures --------------------------------------------------------------------------------------------
+
+    def measured(self) -> tuple[Array, Array, Array]:
+        """Positions, velocities and efforts of its joints, as in its state."""
+        return self._now.position, self._now.velocity, self._torque
 
     def state(self, stamp: int) -> ArmState:
         """``efforts`` are the motors' torques; ``wrench`` is what the tool (its weight included) does to the flange."""

@@ -68,6 +68,39 @@ class Reference(NamedTuple):
         p, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
         return cls(p, v, np.zeros(len(p), np.bool_), p.copy(), v.copy(), p + v * step, v.copy(), np.array([0.0, step]))
 
+    def restart(self, position: Array, velocity: Array, step: float) -> None:
+        """Become what ``at`` makes, in place."""
+        for own, new in zip(self, Reference.at(position, velocity, step), strict=True):
+            own[:] = new
+
+    def has_ended(self, step: float) -> bool:
+        """Whether the next ``step`` is beyond the end of the segment."""
+        time, duration = self.timing
+        return bool(time > duration - step / 2)
+
+
+class Servo:
+    """What a servo works on: arrays that stay where they are as long as the arm is there.
+
+    ``motors``: indices of its joints' motors in ``ctrl``, the physics' own array; ``torque`` is written.
+    """
+
+    def __init__(
+        self,
+        reference: Reference,
+        joints: Joints,
+        limits: JointLimits,
+        torque: Array,
+        motors: NDArray[np.int64],
+        ctrl: Array,
+    ) -> None:
+        self._kept = (*reference, *joints, *limits, torque, np.ascontiguousarray(motors, np.int64), ctrl)
+        for array in self._kept:
+            if not array.flags.c_contiguous:
+                raise ValueError(f"an array of shape {array.shape} is not contiguous")
+        self.addresses = [array.ctypes.data for array in self._kept]
+        self.sizes = [len(torque), len(joints.mass), len(ctrl)]
+
 
 @compiled
 def plan(reference: Reference, mode: int, values: Array, passing: Array, limits: JointLimits, duration: float) -> None:
@@ -95,6 +128,28 @@ def plan(reference: Reference, mode: int, values: Array, passing: Array, limits:
             p1, v1 = _accelerate(p, v, 0.0, acceleration, duration)
         reference.start[j], reference.leave[j], reference.end[j], reference.arrive[j] = p, v, p1, v1
     reference.timing[0], reference.timing[1] = 0.0, duration
+
+
+@compiled
+def stream_velocity(
+    values: Array, before: Array, before_slope: Array, gap: float, interval: float, limits: JointLimits
+) -> tuple[Array, Array]:
+    """Velocity with which a stream of positions passes its newest ``values``, and how fast it came there (its slope).
+
+    ``before`` and ``before_slope`` are those of its last positions, ``gap`` seconds earlier (0: of the same stamp). The
+    velocity is 0 of a joint that jumps: one that is faster, or gains more within ``interval``, than its limits allow.
+    At the end of the interval the stream is faster than on average by half of what it gained.
+    """
+    n = len(values)
+    velocity, slope = np.zeros(n), np.empty(n)
+    for j in range(n):
+        slope[j] = (values[j] - before[j]) / gap if gap > 0 else before_slope[j]
+        gained, most = slope[j] - before_slope[j], limits.acceleration[j] * interval
+        if math.isnan(gained):
+            gained = 0.0
+        if abs(gained) <= STREAM_SLACK * most and abs(slope[j]) <= 1.001 * limits.velocity[j]:
+            velocity[j] = slope[j] + _clip(gained, -most, most) / 2
+    return velocity, slope
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""The contact_log of contacts: each time a robot's body begins to touch something not its own, asked of the physics."""
+"""The contact log: each time a robot's body begins to touch something that is not its own, by the physics."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from rackhand.runtime.compiled import compiled
 from rackhand.schemas.world import Contact
 
 MAX_LISTED = 1000
@@ -27,8 +29,8 @@ class _Touch:
 class ContactLog:
     """``hulls``: geom → robot whose body it is. ``name_of``: geom → name of the thing it belongs to.
 
-    It is shown the contacts of *every* physics step, so none is too short for it; looking costs some 2 µs, because a
-    chassis' body meets nothing, not even the floor, unless it collides (``layers``).
+    It reads the contacts of *every* physics step, so none is too short for it; that costs some 2 µs, because a chassis'
+    body meets nothing, not even the floor, unless it collides (``layers``).
     """
 
     def __init__(self, hulls: Mapping[int, str], ngeom: int, name_of: Callable[[int], str]) -> None:
@@ -45,11 +47,13 @@ class ContactLog:
     def rows(self) -> tuple[Contact, ...]:
         return tuple(self._rows)
 
+    def touches(self, data: Any) -> bool:
+        """Whether a body touches anything now."""
+        return data.ncon > 0 and bool(_any_of(self._is_hull, data.contact.geom))
+
     def observe(self, model: Any, data: Any, stamp: int) -> list[tuple[str, int]]:
         """Take in the contacts of one step. Returns (robot, index of the contact) of those that hold now."""
         touched = self._is_hull[data.contact.geom]
-        if not touched.any():
-            return []
         held = []
         for index, side in zip(*np.nonzero(touched), strict=True):
             pair = data.contact.geom[index]
@@ -70,3 +74,12 @@ class ContactLog:
         touch.last = stamp
         if touch.row is not None and force > self._rows[touch.row].force:
             self._rows[touch.row] = self._rows[touch.row].model_copy(update={"force": force})
+
+
+@compiled
+def _any_of(is_hull: NDArray[np.bool_], geoms: NDArray[np.int32]) -> bool:
+    """Whether one of ``geoms`` (contacts × 2) is a hull; -1 stands for no geom."""
+    for i in range(len(geoms)):
+        if (geoms[i, 0] >= 0 and is_hull[geoms[i, 0]]) or (geoms[i, 1] >= 0 and is_hull[geoms[i, 1]]):
+            return True
+    return False

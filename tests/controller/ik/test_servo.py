@@ -17,7 +17,7 @@ from rackhand.services.controller.ik import (
     load_arm,
 )
 from rackhand.services.controller.ik import kernels as k
-from rackhand.services.controller.ik.collision import gap
+from rackhand.services.controller.ik.collision import build_table, gap
 from tests.controller.ik.motion import eased, follow, moved, twist_between
 
 _ARMS = {name: load_arm(name) for name in ("ur5e", "fr3")}
@@ -143,8 +143,9 @@ def test_rows_keep_the_arm_out_of_and_in_its_zones(arm: Arm) -> None:
     """A target inside a forbidden sphere, and one outside of the permitted: no gap closes, nothing chatters."""
     ik = DifferentialIk(arm, 0.004, SolverSettings(collision_margin=0.0))
     start = ik.forward(arm.home)
-    obstacle = Zone(tuple(start[:, 3] + np.array([0.0, 0.25, 0.0])), 0.1)
-    ik.set_zones([obstacle, Zone((0.0, 0.0, 0.3), 0.7, keep_in=True)], self_collision=True)
+    zones = [Zone(tuple(start[:, 3] + np.array([0.0, 0.25, 0.0])), 0.1), Zone((0.0, 0.0, 0.3), 0.7, keep_in=True)]
+    ik.set_zones(zones, self_collision=True)
+    pairs = build_table(arm, zones, self_collision=True, margin=0.0)
     frames, row = np.empty((arm.n + 1, 3, 4)), np.empty(arm.n)
     for shift in ((0.0, 0.25, 0.0), (0.0, -0.9, 0.5)):
         run = follow(ik, lambda _, shift=shift: moved(start, shift), 3.0, arm.home)
@@ -152,7 +153,7 @@ def test_rows_keep_the_arm_out_of_and_in_its_zones(arm: Arm) -> None:
         least = np.inf
         for q in run.q:
             k.forward(arm.placements, q, frames)
-            least = min(least, min(gap(pair, frames, row) for pair in ik._table))
+            least = min(least, min(gap(pair, frames, row) for pair in pairs))
         assert least > -2e-4
         assert flips(run.v[-250:], arm, ik.dt) <= 2
 

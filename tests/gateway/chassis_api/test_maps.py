@@ -104,3 +104,44 @@ def test_a_wrong_map_is_told_what_is_wrong(gateway: Gateway, path: str, body: An
     answer = gateway.http.post(path, json=body)
     assert answer.status_code == 400
     assert answer.json()[0].startswith(told)
+
+
+def test_put_overwrites_the_whole_map(gateway: Gateway) -> None:
+    uid = gateway.http.post("/maps", json=map_body()).json()["uid"]
+    whole = map_body(map_name="new", grid_origin_x=5.0, overlays=OVERLAYS, map_version=2)
+    answer = gateway.http.put("/maps/1", json=whole)
+    assert answer.status_code == 200
+    assert list(answer.json()) == ROW_KEYS
+    assert (answer.json()["id"], answer.json()["uid"], answer.json()["map_name"]) == (1, uid, "new")
+    detail = gateway.http.get("/maps/1").json()
+    assert (detail["grid_origin_x"], json.loads(detail["overlays"]), detail["map_version"]) == (5.0, OVERLAYS, 2)
+    assert gateway.http.put("/maps/2", json=whole).status_code == 404
+    assert gateway.http.put("/maps/1", json={"map_name": "half"}).status_code == 400
+
+
+def test_versions_are_kept_as_given(gateway: Gateway) -> None:
+    row = gateway.http.post("/maps", json=map_body(map_version=3, overlays_version=7)).json()
+    assert (row["map_version"], row["overlays_version"]) == (3, 7)
+    patched = gateway.http.patch("/maps/1", json={"overlays_version": 40}).json()
+    assert (patched["map_version"], patched["overlays_version"]) == (3, 40)
+    for wrong in (-1, 1.5, "7", 2**63):
+        assert gateway.http.patch("/maps/1", json={"overlays_version": wrong}).status_code == 400
+
+
+def test_a_map_as_a_form(gateway: Gateway) -> None:
+    body = map_body(overlays=json.dumps(OVERLAYS), map_version=3)
+    picture = grey_png(5, 6)
+    texts = {name: str(value) for name, value in body.items() if name != "occupancy_grid"}
+    sent = gateway.http.post("/maps", data=texts, files={"occupancy_grid": ("map.png", picture, "image/png")})
+    assert sent.status_code == 201
+    assert (sent.json()["map_name"], sent.json()["map_version"]) == ("hall", 3)
+    assert gateway.http.get("/maps/1.png").content == picture
+    assert gateway.bus.maps[1].origin == (-1.0, -2.0)
+    text_only = gateway.http.put("/maps/1", files={name: (None, str(value)) for name, value in body.items()})
+    assert text_only.status_code == 200
+    assert gateway.http.get("/maps/1.png").content == grey_png(4, 3)
+    bad = gateway.http.post("/maps", content=b"--x", headers={"content-type": "multipart/form-data; boundary=x"})
+    assert (bad.status_code, bad.json()) == (
+        400,
+        ["form: the body does not end with the boundary that Content-Type names"],
+    )

@@ -10,8 +10,7 @@ import pytest
 from typer.testing import CliRunner
 from websockets.exceptions import InvalidStatus
 
-from rackhand.bus import Sample, Unavailable
-from rackhand.schemas import topics
+from rackhand.bus import Unavailable
 from rackhand.schemas.motion import ControlInfo, MotionEvent, MotionStream
 from rackhand.services.launch.cli import app
 from tests.gateway.fake_arm import ArmCell
@@ -96,9 +95,9 @@ def test_events_and_streams_reach_those_they_concern(cell: ArmCell) -> None:
         name = arm.calls[0][1]
         for to in ("pendant", ""):
             event = MotionEvent(stamp=0, name="controlLost", to=to, info=info)
-            gateway.call(lambda event=event: context.motion.on_message(Sample(topics.MOTION_EVENT, "arm1", event)))
+            gateway.call(lambda event=event: context.motion.on_event("arm1", event))
         stream = MotionStream(session=name, text='{"replyCommand":"streamStatus"}')
-        gateway.call(lambda: context.motion.on_message(Sample(topics.MOTION_STREAM, "arm1", stream)))
+        gateway.call(lambda: context.motion.on_stream("arm1", stream))
         told = [one.receive()["replyCommand"] for _ in range(3)]
         assert told == ["controlLost", "controlLost", "streamStatus"]
         assert two.receive()["replyCommand"] == "controlLost"

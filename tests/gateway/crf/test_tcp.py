@@ -15,8 +15,6 @@ import uvloop
 from pydantic import ValidationError
 from typer.testing import CliRunner
 
-from rackhand.bus import Sample
-from rackhand.schemas import topics
 from rackhand.schemas.crf_framing import SYNC, Packet, checksum, encode
 from rackhand.schemas.motion import ControlInfo, MotionEvent, MotionStream
 from rackhand.services.gateway.__main__ import app
@@ -164,9 +162,9 @@ def test_two_connections_are_two_clients_with_streams_and_events_of_their_own(
         other.ask({"command": "getStatus"})
         for to in ("pendant", ""):
             event = MotionEvent(stamp=0, name="controlLost", to=to, info=info)
-            gateway.call(lambda event=event: context.motion.on_message(Sample(topics.MOTION_EVENT, "arm1", event)))
+            gateway.call(lambda event=event: context.motion.on_event("arm1", event))
         stream = MotionStream(session=name, text='{"replyCommand":"streamStatus"}')
-        gateway.call(lambda: context.motion.on_message(Sample(topics.MOTION_STREAM, "arm1", stream)))
+        gateway.call(lambda: context.motion.on_stream("arm1", stream))
         assert [client.receive()["replyCommand"] for _ in range(3)] == ["controlLost", "controlLost", "streamStatus"]
         assert client.packet.type == 801
         assert other.receive()["replyCommand"] == "controlLost"
@@ -241,7 +239,7 @@ def test_an_answer_to_a_connection_that_is_gone_finds_it_gone() -> None:
 
 
 def test_only_arms_of_this_gateway_and_never_beside_a_secret() -> None:
-    with pytest.raises(ValidationError, match="arm2 is none of the arms"):
+    with pytest.raises(ValidationError, match="arm2 is not one of the arms"):
         Settings(arms=("arm1",), crf_ports={"arm2": 5000})
     with pytest.raises(ValidationError, match="carries no secret"):
         Settings(arms=("arm1",), crf_ports={"arm1": 5000}, secret="s")

@@ -21,7 +21,7 @@ PLANNER, SIM, VIEWER = ServiceId("planner", "amr1"), ServiceId("sim", "world"), 
 
 def test_healthz_has_one_row_a_service_and_is_200_only_when_all_expected_are_up() -> None:
     with running_gateway(SETTINGS, SETTINGS.expected_services()) as gateway:
-        gateway.on_message(Presence(PLANNER, True), Presence(VIEWER, True), Presence(VIEWER, False))
+        gateway.presence(Presence(PLANNER, True), Presence(VIEWER, True), Presence(VIEWER, False))
         answer = gateway.http.get("/healthz")
         assert answer.status_code == 503
         rows = {f"{row['robot']}/{row['service']}": row for row in answer.json()["services"]}
@@ -33,12 +33,12 @@ def test_healthz_has_one_row_a_service_and_is_200_only_when_all_expected_are_up(
         }
         assert rows["world/sim"]["since"] is None
         assert (rows["cell/viewer"]["expected"], rows["world/sim"]["expected"]) == (False, True)
-        gateway.on_message(Presence(SIM, True))
+        gateway.presence(Presence(SIM, True))
         answer = gateway.http.get("/healthz")
         assert (answer.status_code, answer.json()["status"]) == (200, "up")
-        gateway.on_message(Presence(PLANNER, False))
+        gateway.presence(Presence(PLANNER, False))
         assert gateway.http.get("/healthz").status_code == 503
-        gateway.on_message(Presence(PLANNER, True))
+        gateway.presence(Presence(PLANNER, True))
         row = gateway.http.get("/healthz").json()["services"][0]
         assert (row["service"], row["restarts"], row["alive"]) == ("planner", 1, True)
 
@@ -46,7 +46,7 @@ def test_healthz_has_one_row_a_service_and_is_200_only_when_all_expected_are_up(
 def test_boot_progress_is_always_200() -> None:
     with running_gateway(SETTINGS, SETTINGS.expected_services()) as gateway:
         assert gateway.http.get("/device/boot_progress").json() == {"start_time": 1000.0, "progress": 0.0, "logs": []}
-        gateway.on_message(Presence(SIM, True))
+        gateway.presence(Presence(SIM, True))
         boot = gateway.http.get("/device/boot_progress").json()
         assert boot["progress"] == 0.5
         assert boot["logs"][0]["msg"] == "world/sim is up"

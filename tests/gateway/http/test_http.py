@@ -118,7 +118,7 @@ def test_content_types(gateway: Gateway) -> None:
         return gateway.http.post("/chassis/moves", content=b'{"target_ori": 1}', headers=headers).status_code
 
     assert [post(kind) for kind in (None, "application/json; charset=utf-8", "APPLICATION/JSON")] == [201, 201, 201]
-    assert [post(kind) for kind in ("text/plain", "application/x-www-form-urlencoded", "nonsense")] == [400] * 3
+    assert [post(kind) for kind in ("text/plain", "application/x-www-form-urlencoded", "nonsense")] == [415] * 3
 
 
 def test_a_body_that_is_too_large_is_413(gateway: Gateway) -> None:

@@ -13,14 +13,10 @@ from hypothesis import HealthCheck, settings
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
 from rackhand.schemas import topics
-from rackhand.services.gateway.http.app import create_app
-from rackhand.services.gateway.settings import Settings
-from rackhand.services.gateway.state import State
 from tests.gateway import messages
-from tests.gateway.fake_bus import FakeBus
-from tests.gateway.harness import Gateway
+from tests.gateway.harness import Gateway, new_app
 
-DOCUMENT = create_app(State("amr1"), FakeBus(), Settings()).openapi()
+DOCUMENT = new_app().openapi()
 OPERATIONS = sum(len(operations) for operations in DOCUMENT["paths"].values())
 EXAMPLES = max(1, int(os.environ.get("RACKHAND_FUZZ_EXAMPLES", "100")) // OPERATIONS)
 schema = schemathesis.openapi.from_dict(DOCUMENT)

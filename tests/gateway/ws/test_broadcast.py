@@ -7,9 +7,9 @@ import json
 from collections.abc import Coroutine
 from typing import Any
 
-from rackhand.bus import Sample
 from rackhand.schemas import topics
-from rackhand.services.gateway.state import State
+from rackhand.schemas.base import Message
+from rackhand.services.gateway.state import RobotState
 from rackhand.services.gateway.ws.broadcast import MAX_EVENTS, MAX_REPLIES, Client, Hub, Outbox
 from tests.gateway import messages
 
@@ -37,16 +37,16 @@ def sent(client: Client) -> list[dict[str, Any]]:
 
 
 def hub(interval: float) -> tuple[Hub, Client]:
-    made = Hub(State("amr1"), lambda _topic: interval)
+    made = Hub(RobotState("amr1"), lambda _topic: interval)
     return made, made.join()
 
 
-def pose(x: float) -> Sample:
-    return Sample(topics.POSE, "amr1", messages.pose(x=x))
+def pose(x: float) -> tuple[topics.Topic[Any], Message]:
+    return topics.POSE, messages.pose(x=x)
 
 
-def planning(**changes: Any) -> Sample:
-    return Sample(topics.PLANNING_STATE, "amr1", messages.planning(**changes))
+def planning(**changes: Any) -> tuple[topics.Topic[Any], Message]:
+    return topics.PLANNING_STATE, messages.planning(**changes)
 
 
 def test_replies_come_first_then_events_in_order_then_the_newest_of_each_stream() -> None:
@@ -105,7 +105,7 @@ def test_a_stream_is_held_to_its_rate_and_its_last_value_is_sent() -> None:
         broadcaster, client = hub(interval=0.02)
         client.change(["/tracked_pose"])
         for x in range(10):
-            broadcaster.on_message(pose(x))
+            broadcaster.on_message(*pose(x))
         assert [frame["pos"][0] for frame in sent(client)] == [0]
         assert json.loads(await client.outbox.next())["pos"][0] == 9
         broadcaster.close()
@@ -117,10 +117,10 @@ def test_events_are_never_held_back_nor_overtaken_by_an_older_sample() -> None:
     async def test() -> None:
         broadcaster, client = hub(interval=1000.0)
         client.change(["/planning_state"])
-        broadcaster.on_message(planning(remaining_distance=3.0))  # the first is an event
-        broadcaster.on_message(planning(remaining_distance=2.0))  # held back
-        broadcaster.on_message(planning(move_state="succeeded", remaining_distance=0.1))
-        broadcaster.on_message(planning(action_id=8, remaining_distance=5.0))
+        broadcaster.on_message(*planning(remaining_distance=3.0))  # the first is an event
+        broadcaster.on_message(*planning(remaining_distance=2.0))  # held back
+        broadcaster.on_message(*planning(move_state="succeeded", remaining_distance=0.1))
+        broadcaster.on_message(*planning(action_id=8, remaining_distance=5.0))
         assert [(frame["action_id"], frame["move_state"]) for frame in sent(client)] == [
             (7, "moving"),
             (7, "succeeded"),
@@ -136,13 +136,13 @@ def test_who_waits_for_a_move_waits_until_it_is_told_of_and_not_for_ever() -> No
     async def test() -> None:
         broadcaster, _ = hub(interval=0.0)
         await broadcaster.wait_for_move(7, 0.0)
-        broadcaster.on_message(planning(action_id=6, move_state="succeeded"))
+        broadcaster.on_message(*planning(action_id=6, move_state="succeeded"))
         waiting = asyncio.create_task(broadcaster.wait_for_move(7, 1000.0))
-        broadcaster.on_message(planning(action_id=6, move_state="cancelled"))
+        broadcaster.on_message(*planning(action_id=6, move_state="cancelled"))
         await asyncio.sleep(0)
         await asyncio.sleep(0)
         assert not waiting.done()
-        broadcaster.on_message(planning(action_id=7))
+        broadcaster.on_message(*planning(action_id=7))
         await waiting
         await broadcaster.wait_for_move(7, 1000.0)
 
@@ -156,11 +156,11 @@ def test_a_frame_is_made_once_for_all_who_listen_and_not_at_all_for_none() -> No
         made = []
         original = broadcaster.state.payload
         broadcaster.state.payload = lambda topic: made.append(topic) or original(topic)  # type: ignore[method-assign,func-returns-value]
-        broadcaster.on_message(pose(1.0))
+        broadcaster.on_message(*pose(1.0))
         assert not made
         first.change(["/tracked_pose"])
         second.change(["/tracked_pose"])
-        broadcaster.on_message(pose(2.0))
+        broadcaster.on_message(*pose(2.0))
         assert made == ["/tracked_pose"]
         assert sent(first) == sent(second) != []
 
@@ -175,9 +175,9 @@ def test_what_json_cannot_carry_is_not_sent_and_stops_nothing() -> None:
         assert foreign.map is not None
         for odd in ({"features": b"bytes"}, {"features": float("nan")}):
             spoilt = foreign.model_copy(update={"map": foreign.map.model_copy(update={"overlays": odd})})
-            broadcaster.on_message(Sample(topics.MAP, "amr1", spoilt))
+            broadcaster.on_message(topics.MAP, spoilt)
         assert sent(client) == []
-        broadcaster.on_message(Sample(topics.MAP, "amr1", foreign))
+        broadcaster.on_message(topics.MAP, foreign)
         assert [frame["topic"] for frame in sent(client)] == ["/map/info"]
 
     run(test())
@@ -185,11 +185,11 @@ def test_what_json_cannot_carry_is_not_sent_and_stops_nothing() -> None:
 
 def test_what_a_real_robot_repeats_comes_again_when_nothing_changes() -> None:
     async def test() -> None:
-        made = Hub(State("amr1"), lambda _topic: 0, repeat_after=0.02)
+        made = Hub(RobotState("amr1"), lambda _topic: 0, repeat_after=0.02)
         client = made.join()
         client.change(["/planning_state", "/tracked_pose"])
-        made.on_message(planning(move_state="succeeded"))
-        made.on_message(pose(1))
+        made.on_message(*planning(move_state="succeeded"))
+        made.on_message(*pose(1))
         again: list[str] = []
         while again.count("/planning_state") < 3:
             again.append(json.loads(await client.outbox.next())["topic"])

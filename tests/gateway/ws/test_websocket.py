@@ -13,10 +13,13 @@ import pytest
 
 from rackhand.bus import Unavailable
 from rackhand.schemas import topics
+from rackhand.schemas.chassis import Alert
 from rackhand.services.gateway.ws.broadcast import MAX_EVENTS, MAX_TOPICS
+from rackhand.services.gateway.ws.payloads import PAYLOADS
 from tests.gateway import messages
 from tests.gateway.harness import PATIENCE, Gateway, grey_png
 
+ALERT = Alert(code=8501, level="warning", msg="low")
 TWIST = {"topic": "/twist", "linear_velocity": 0, "angular_velocity": -0.6522}
 
 
@@ -69,23 +72,50 @@ STATE_TOPICS = {
     "/alerts": [(topics.CHASSIS_STATUS, messages.status())],
     "/jack_state": [(topics.JACK, messages.jack())],
     "/robot_model": [(topics.CHASSIS_MODEL, messages.model())],
+    "/map_v2": [(topics.MAP, messages.current_map())],
+    "/map/costmap_v2": [(topics.COSTMAP, messages.costmap())],
     "/scan_matched_points2": [(topics.SCAN, messages.scan()), (topics.POSE, messages.pose())],
+}
+CHANGED = {
+    "/tracked_pose": (topics.POSE, messages.pose(x=7.0), {"pos": [7.0, 2.0]}),
+    "/slam/state": (topics.POSE, messages.pose(quality=3), {"reliable": False}),
+    "/motion_metrics": (topics.ODOMETRY, messages.odometry(20_000_000, linear=0.5), {"linear_velocity": 0.5}),
+    "/planning_state": (topics.PLANNING_STATE, messages.planning(action_id=8), {"action_id": 8}),
+    "/path": (topics.PATH, messages.path(stamp=messages.SECOND), {"stamp": 1.0}),
+    "/map": (topics.MAP, messages.current_map(png=grey_png(5, 3)), {"size": [5, 3]}),
+    "/map_v2": (topics.MAP, messages.current_map(png=grey_png(5, 3)), {"size": [5, 3]}),
+    "/map/costmap_v2": (topics.COSTMAP, messages.costmap(columns=2), {"size": [2, 3]}),
+    "/map/info": (topics.MAP, messages.current_map(name="Yard"), {"name": "Yard"}),
+    "/battery_state": (topics.BATTERY, messages.battery(percentage=0.5), {"percentage": 0.5}),
+    "/wheel_state": (topics.CHASSIS_STATUS, messages.status(emergency_stop=True), {"emergency_stop_pressed": True}),
+    "/chassis_state": (topics.CHASSIS_STATUS, messages.status(control_mode="manual"), {"control_mode": "manual"}),
+    "/alerts": (topics.CHASSIS_STATUS, messages.status(alerts=(ALERT,)), {"alerts": [ALERT.model_dump()]}),
+    "/jack_state": (topics.JACK, messages.jack("jacking_up", 0.5), {"state": "jacking_up", "progress": 0.5}),
+    "/robot_model": (topics.CHASSIS_MODEL, messages.model(half_width=0.3), {"width": 0.6}),
+    "/scan_matched_points2": (topics.SCAN, messages.scan(left=3.0), {"points": [[-0.351, 4.681, 0.0]]}),
 }
 
 
+def test_every_topic_is_tried() -> None:
+    assert set(STATE_TOPICS) == set(CHANGED) == set(PAYLOADS)
+
+
 @pytest.mark.parametrize("topic", STATE_TOPICS)
-def test_a_state_topic_is_sent_at_once_to_who_enables_it_and_again_when_it_changes(
+def test_a_state_topic_is_sent_to_a_client_as_it_enables_it_and_again_when_it_changes(
     gateway: Gateway, topic: str
 ) -> None:
     for row, message in STATE_TOPICS[topic]:
         gateway.publish(row, message)
+    row, message, fields = CHANGED[topic]
     with gateway.websocket() as client:
         assert client.ask({"enable_topic": topic}) == {"enabled_topics": [topic]}
         latched = client.receive()
         assert latched["topic"] == topic
-        for row, message in STATE_TOPICS[topic]:
-            gateway.publish(row, message)
-        assert client.receive() == latched
+        assert {name: latched[name] for name in fields} != fields
+        gateway.publish(row, message)
+        changed = client.receive()
+        assert changed["topic"] == topic
+        assert {name: changed[name] for name in fields} == fields
 
 
 def test_what_was_disabled_is_silent(gateway: Gateway) -> None:

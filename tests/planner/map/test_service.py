@@ -11,7 +11,7 @@ import pytest
 
 from rackhand.schemas import topics
 from rackhand.schemas.fail_reasons import MoveFailReason
-from rackhand.schemas.maps import DeleteMap, GetMap, ListMaps, MapData, PatchMap, SelectMap, UseMapData
+from rackhand.schemas.maps import DeleteMap, GetMap, ListMaps, MapData, PatchMap, ReplaceMap, SelectMap, UseMapData
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.map.directory import MapDirectoryError, read_map_directory
@@ -56,7 +56,17 @@ def test_create_get_list_delete(cell: Cell) -> None:
     assert data_of(cell, a_map("third")).id == 3, "ids are never used twice"
 
 
-@pytest.mark.parametrize("request_", [GetMap(id=9), PatchMap(id=9), DeleteMap(id=9), SelectMap(id=9), GetMap(id=2**70)])
+@pytest.mark.parametrize(
+    "request_",
+    [
+        GetMap(id=9),
+        PatchMap(id=9),
+        ReplaceMap(id=9, map=a_map("x")),
+        DeleteMap(id=9),
+        SelectMap(id=9),
+        GetMap(id=2**70),
+    ],
+)
 def test_an_unknown_map_is_not_found(cell: Cell, request_: Any) -> None:
     with pytest.raises(RequestRefused, match="there is no map") as refused:
         cell.ask_maps(request_)
@@ -75,6 +85,38 @@ def test_a_patch_waits_for_the_next_selection(cell: Cell) -> None:
     assert len(cell.heard(topics.MAP)) == 1
     cell.ask_maps(SelectMap(id=1))
     assert data_of(cell, GetMap()) == patched == cell.motion.map == cell.heard(topics.MAP)[-1].map
+
+
+def test_a_map_is_overwritten_whole_and_keeps_what_names_it(cell: Cell) -> None:
+    first = data_of(cell, GetMap(id=1))
+    cell.stamp = 5 * 10**9
+    cell.tick()
+    whole = a_map("whole", overlays=WALL, map_version=4, overlays_version=9)
+    written = data_of(cell, ReplaceMap(id=1, map=whole))
+    assert (written.id, written.uid, written.create_time) == (1, first.uid, first.create_time)
+    assert (written.map_name, written.overlays, written.map_version, written.overlays_version) == ("whole", WALL, 4, 9)
+    assert written.last_modified_time == UNIX_NS // 10**9 + 5
+    assert data_of(cell, GetMap(id=1)) == written
+    assert data_of(cell, GetMap()) == first, "the map in use stays as it is"
+    cell.ask_maps(a_map("second", uid="abc"))
+    with pytest.raises(RequestRefused, match="uid: 'abc' is already that of map 2"):
+        cell.ask_maps(ReplaceMap(id=1, map=a_map("whole", uid="abc")))
+    assert data_of(cell, ReplaceMap(id=2, map=a_map("again", uid="abc"))).map_name == "again"
+
+
+def test_an_overwritten_map_survives_a_restart_with_its_image(make_cell: Callable[..., Cell], tmp_path: Path) -> None:
+    cell = make_cell(path=tmp_path / "s.sqlite")
+    written = data_of(cell, ReplaceMap(id=1, map=a_map("whole").model_copy(update={"png": png(size=(7, 5))})))
+    cell.database.close()
+    assert data_of(make_cell(path=tmp_path / "s.sqlite", with_map=False), GetMap(id=1)) == written
+
+
+def test_versions_are_kept_as_given_and_counted_on_otherwise(cell: Cell) -> None:
+    created = data_of(cell, a_map("second", map_version=3, overlays_version=7))
+    assert (created.map_version, created.overlays_version) == (3, 7)
+    assert data_of(cell, PatchMap(id=2, overlays=WALL)).overlays_version == 8
+    patched = data_of(cell, PatchMap(id=2, overlays=WALL, overlays_version=40, map_version=5))
+    assert (patched.map_version, patched.overlays_version) == (5, 40)
 
 
 def test_a_patch_does_not_touch_a_running_move(cell: Cell) -> None:

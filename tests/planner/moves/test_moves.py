@@ -12,7 +12,7 @@ from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.chassis import Jack, JackRequest
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import SelectMap
-from rackhand.schemas.moves import MOVE_TYPES, GetMove, ListMoves, MoveRequest
+from rackhand.schemas.moves import DEPRECATED_MOVE_TYPES, MOVE_TYPES, GetMove, ListMoves, MoveRequest
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.behaviors.registry import BEHAVIORS
 from rackhand.services.planner.chassis import ChassisSettings
@@ -109,7 +109,7 @@ def test_every_type_is_accepted_and_ends_honestly(cell: Cell, kind: str) -> None
     ended = cell.get(move.id)
     if kind in ("none", "standard"):
         assert ended.state == "succeeded"
-    elif kind in ("leave_elevator", "pull_over"):
+    elif kind in DEPRECATED_MOVE_TYPES:
         assert (ended.state, ended.fail_reason) == ("failed", 1004)
     else:
         assert (ended.state, ended.fail_reason) == ("failed", MoveFailReason.UNKNOWN)
