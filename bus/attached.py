@@ -1,4 +1,4 @@
-"""Threads of Zenoh that stay known to Python."""
+"""Zenoh's threads keep their Python thread state."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ _thread = threading.local()
 
 
 def stay_attached() -> None:
-    """Keep this thread's Python state for as long as the process lives.
+    """Keep this thread's Python thread state until the process ends.
 
-    A thread that Python did not start gets a state of its own for each call into Python, and loses it at its end: a
-    stack mapped and unmapped for each sample, which costs more than all else that is done with it here. Holding the
-    state once more than it is released leaves one of them to each of Zenoh's few threads. The interpreter's lock is not
-    held by it.
+    A thread that Python did not start gets a new thread state for each call into Python, which is freed when the call
+    returns: a stack mapped and unmapped for each sample, which costs more than all other work here. One
+    ``PyGILState_Ensure`` without its release keeps one state for each of Zenoh's few threads. It does not hold the
+    interpreter lock.
     """
     if not hasattr(_thread, "attached"):
-        _thread.attached = True  # lost with the state, were it not kept
+        _thread.attached = True  # thread-local: it would be lost with the thread state
         ctypes.pythonapi.PyGILState_Ensure()

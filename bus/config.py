@@ -1,4 +1,4 @@
-"""Where the bus is: from the environment, or a Zenoh configuration file for everything beyond one machine."""
+"""Where the bus is: from the environment, or from a Zenoh configuration file for more than one machine."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 class BusConfig(BaseSettings):
     """Read from ``RACKHAND_BUS_CONNECT``, ``…_LISTEN``, ``…_MODE`` and ``…_CONFIG``.
 
-    ``connect`` and ``listen`` are comma-separated Zenoh end points (``tcp/…``, ``tls/…``, ``unixsock-stream/…``). A
-    ``config`` file in Zenoh's own JSON5 takes the place of everything else: certificates, passwords, access control.
+    ``connect`` and ``listen`` are comma-separated Zenoh endpoints (``tcp/…``, ``tls/…``, ``unixsock-stream/…``). A
+    ``config`` file in Zenoh's own JSON5 replaces everything else: certificates, passwords, access control.
     """
 
     model_config = SettingsConfigDict(env_prefix="RACKHAND_BUS_", frozen=True)
@@ -56,7 +56,7 @@ class BusConfig(BaseSettings):
         return settings
 
 
-# Batches a link may hold before DROP drops: bursts of one control instant must fit.
+# Batches a link may hold before DROP drops: the burst of one control step must fit.
 _QUEUES = {
     "control": 2,
     "real_time": 16,

@@ -1,4 +1,4 @@
-"""What can go wrong with a call."""
+"""Errors of calls on the bus."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from rackhand.schemas.refusal import RefusalCode
 
 
 class BusError(Exception):
-    """Base of all that the bus raises."""
+    """Base class of the bus' errors."""
 
 
 class Unavailable(BusError):
-    """Nobody answers this query: its server is not there, or died while it was asked."""
+    """No server answers this query: it does not run, or it ended during the call."""
 
 
 class CallTimeout(BusError):
-    """The server is there but did not answer in time."""
+    """The server runs but did not answer in time."""
 
 
 class Refused(BusError):

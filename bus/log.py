@@ -1,4 +1,4 @@
-"""Readable log lines with service name and time. Under the supervisor, which puts both before each line, without."""
+"""Readable log lines with service name and time; without both under the supervisor, which adds them to each line."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _named(service: str) -> Any:
 
 
 def _render(_logger: Any, _method: str, event: dict[str, Any]) -> str:
-    """``12:00:01 sim      warning: text  key=value``; what is merely told carries no level."""
+    """``12:00:01 sim      warning: text  key=value``; the level info is left out."""
     prefix = f"{event.pop('time')} {event.pop('service'):<10} " if "time" in event else ""
     level, text, trace = event.pop("level"), event.pop("event"), event.pop("exception", "")
     said = text if level == "info" else f"{level}: {text}"

@@ -1,4 +1,4 @@
-"""Streams for those who look now and then, and want to see how things are, not each that was said."""
+"""Reading streams by polling: the newest samples, for readers that do not need each one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rackhand.schemas.topics import Topic
 if TYPE_CHECKING:
     from rackhand.bus.session import Bus
 
-RING = 64  # samples of a topic, of all robots, that wait for the next look
+RING = 64  # samples of a topic, of all robots, that are kept until the next ``take``
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class _Followed:
 class Newest:
     """The newest samples of each robot since the last ``take``.
 
-    Nothing of Python runs when a sample arrives, and only what is given is decoded: beside an ``Inbox``, which is woken
-    by each, it costs next to nothing. ``dropped`` counts what newer samples of the same robot replaced, but not what
-    Zenoh itself pushed out of a ring of ``RING``.
+    No Python code runs when a sample arrives, and only samples that ``take`` returns are decoded: it costs much less
+    than an ``Inbox``, which wakes its reader for each. ``dropped`` counts samples that newer ones of the same robot
+    replaced, but not those that Zenoh dropped from a full ring of ``RING``.
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -43,13 +43,13 @@ class Newest:
         self.malformed = Malformed()
 
     def follow(self, topic: Topic[Any], robot: str = "*", keep: int = 1) -> Newest:
-        """Take the newest ``keep`` samples of this topic, too."""
+        """Also return the newest ``keep`` samples of this topic."""
         subscriber = self._bus.declare_ring(topic.key_for(robot), RING)
         self._followed.append(_Followed(topic, codec_for(topic.model), keep, subscriber))
         return self
 
     def take(self) -> Iterator[Sample]:
-        """Topics in the order in which they are followed; of each, the samples of a robot in order of arrival."""
+        """Topics in the order of ``follow``; of each, the samples of a robot in order of arrival."""
         for followed in self._followed:
             for raw in self._drained(followed):
                 sample = parse(followed.topic, followed.codec, raw, self.malformed)
@@ -68,7 +68,7 @@ class Newest:
         return newest
 
     def stop(self) -> None:
-        """Nobody waits here."""
+        """No call here blocks: nothing has to be woken."""
 
     def close(self) -> None:
         for followed in self._followed:

@@ -1,6 +1,6 @@
-"""``python -m rackhand.bus.router``: the meeting point of a cell's services, and the door for everyone else.
+"""``python -m rackhand.bus.router``: where the services of a cell find each other, and where clients connect.
 
-Peers that found each other through it talk directly: it may die and come back without their noticing.
+Peers that have found each other through it communicate directly, so it may be restarted while they run.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ def main() -> None:
     parser.add_argument("--connect", default="", help="other routers to join, comma-separated")
     arguments = parser.parse_args()
     configure_logging("router")
-    # An environment made for the services names this very router: only the command line counts here.
+    # The environment of the services names this router itself: only the command line counts here.
     asyncio.run(route(BusConfig(mode="router", listen=arguments.listen, connect=arguments.connect)))
 
 
 async def route(settings: BusConfig) -> None:
-    """Until SIGTERM or SIGINT; one that comes when the bus has just been announced counts like any other."""
+    """Run until SIGTERM or SIGINT. Handlers are installed before the router announces itself."""
     stopped = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, stopped.set)

@@ -1,4 +1,4 @@
-"""What was published, and what could not be parsed of it."""
+"""Received messages, and counts of those that could not be parsed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ log = get_logger(__name__)
 
 @dataclass(frozen=True)
 class Sample:
-    """A message that was published."""
+    """A received message: its topic, and the robot (or ``world``) whose topic it is."""
 
     topic: Topic[Any]
     robot: str
@@ -34,7 +34,7 @@ class Malformed(Counter[str]):
 
 
 def parse(topic: Topic[Any], codec: Codec[Any], raw: zenoh.Sample, malformed: Malformed) -> Sample | None:
-    """None, counted, if it is no message of the topic."""
+    """The message; None, counted, if the payload is not one of the topic."""
     try:
         message = codec.loads(raw.payload.to_bytes(), str(raw.encoding))
     except MalformedMessage as error:

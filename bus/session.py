@@ -46,9 +46,9 @@ class Publisher(Generic[M]):
         self._publisher = publisher
 
     def put(self, message: M) -> None:
-        """Send it to whoever listens. Never waits for a reader of a stream; raises ``MalformedMessage``."""
+        """Publish. Never waits for a reader of a stream; raises ``MalformedMessage``."""
         payload = self._codec.dumps(message)
-        with contextlib.suppress(zenoh.ZError):  # the session is closing: there is nobody to tell
+        with contextlib.suppress(zenoh.ZError):  # the session is closing
             self._publisher.put(payload)
 
 
@@ -130,7 +130,7 @@ class Bus:
         return inbox
 
     def newest(self) -> Newest:
-        """For those who look now and then; see ``Newest``."""
+        """A reader that polls; see ``Newest``."""
         newest = Newest(self)
         self._readers.append(newest)
         return newest
@@ -138,7 +138,7 @@ class Bus:
     # -- query -------------------------------------------------------------------------------------------------------
 
     def call(self, query: Query[Q, R], request: Q, robot: str = WORLD, timeout: float = 2.0) -> R:
-        """Ask and wait. Raises ``Refused``, ``Unavailable`` (at once when nobody serves it) or ``CallTimeout``."""
+        """Call and wait. Raises ``Refused``, ``CallTimeout``, or ``Unavailable`` (at once when nothing serves it)."""
         future, cancel = self._ask(query, request, robot, timeout)
         try:
             replies = future.result(timeout + 0.5)
@@ -189,7 +189,7 @@ class Bus:
             if reply.ok is not None:
                 return codec.loads(reply.ok.payload.to_bytes(), str(reply.ok.encoding))
         if not replies:
-            raise Unavailable(f"nobody serves {query.name} of {robot}")
+            raise Unavailable(f"no service answers {query.name} of {robot}")
         error = replies[0].err
         if error is None or str(error.encoding) != _REFUSAL.encoding:  # Zenoh's own error: time is up
             raise CallTimeout(f"{query.name} of {robot} did not answer within {timeout} s")
@@ -209,7 +209,7 @@ class Bus:
         self._reporter = Reporter(self.publisher(BUS_STATS, self.service.robot), self.stats)
 
     def stats(self) -> BusStats:
-        """What all its readers have taken in so far."""
+        """What all its readers have received so far."""
         return BusStats(
             service=self.service.service,
             received=sum(reader.received for reader in self._readers),
@@ -243,7 +243,7 @@ class Bus:
         return self._session.declare_subscriber(key, handler)
 
     def declare_ring(self, key: str, size: int) -> Any:
-        """A subscriber that is asked, with ``try_recv``, for what has come: the newest ``size`` samples."""
+        """A subscriber that is polled with ``try_recv``: it keeps the newest ``size`` samples."""
         return self._session.declare_subscriber(key, zenoh.handlers.RingChannel(size))
 
     def declare_queryable(self, key: str, push: Callable[[zenoh.Query], None]) -> Any:

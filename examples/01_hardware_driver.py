@@ -22,7 +22,7 @@ from rackhand.bus import Bus
 from rackhand.bus.log import configure_logging
 from rackhand.schemas import chassis, topics
 from rackhand.schemas.base import Pose2, Twist2
-from rackhand.schemas.service import WORLD, ServiceId
+from rackhand.schemas.service import DRIVER, WORLD, ServiceId
 from rackhand.schemas.world import Clock
 
 STEP_NS = 20_000_000  # odometry at 50 Hz, as its row in the topic table says
@@ -127,7 +127,7 @@ def main() -> None:
     parser.add_argument("--robot", default="amr1", help="name of the chassis on the bus (%(default)s)")
     robot = parser.parse_args().robot
     configure_logging("driver")
-    with Bus(ServiceId("driver", robot)) as bus:  # its liveliness token is rackhand/<robot>/alive/driver
+    with Bus(ServiceId(DRIVER, robot)) as bus:  # its liveliness token is rackhand/<robot>/alive/driver
         bus.handle_signals()
         driver = Driver(bus, robot)
         bus.announce()

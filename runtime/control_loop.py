@@ -12,12 +12,12 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from rackhand.bus import Bus, Event, Request
 from rackhand.bus.log import get_logger
-from rackhand.runtime.driver_link import DRIVER, DriverLink
+from rackhand.runtime.driver_link import DriverLink
 from rackhand.runtime.lockstep import LockstepParticipant
 from rackhand.schemas import topics
 from rackhand.schemas.base import Message
 from rackhand.schemas.refusal import RefusalCode
-from rackhand.schemas.service import WORLD, ServiceId
+from rackhand.schemas.service import DRIVER, WORLD, ServiceId
 from rackhand.schemas.topics import Query, Topic
 from rackhand.schemas.world import Clock
 

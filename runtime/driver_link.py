@@ -6,7 +6,6 @@ from typing import Literal
 
 from rackhand.schemas.world import Clock
 
-DRIVER = "driver"  # the service name of its liveliness token, rackhand/<robot>/alive/driver
 SILENCE = 1.0  # s of monotonic time without a measurement after which a driver counts as silent, at speed 1 or more
 
 

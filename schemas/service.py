@@ -10,6 +10,7 @@ from pydantic import Field
 from rackhand.schemas.base import Message
 
 WORLD = "world"
+DRIVER = "driver"  # what drives a robot: a hardware driver, or the simulator in its place
 CELL = "cell"
 
 

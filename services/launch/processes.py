@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rackhand.schemas.service import DRIVER
 from rackhand.worlds.data import WorldFileError
 from rackhand.worlds.world_model import World, load_world, world_directory
 
@@ -214,7 +215,7 @@ def _gateway_arguments(options: CellOptions, world: World) -> tuple[str, ...]:
         arguments += ["--arm", arm]
     for arm, address in options.crf.items():
         arguments += ["--crf-port", f"{arm}={address.port}"]
-    drivers = ["world/sim"] if options.sim else [f"{robot}/driver" for robot in (*world.robots, *world.arms)]
+    drivers = ["world/sim"] if options.sim else [f"{robot}/{DRIVER}" for robot in (*world.robots, *world.arms)]
     for service in ("cell/router", *drivers, *_participants(world)):
         arguments += ["--expect", service]
     return tuple(arguments)

@@ -37,7 +37,7 @@ class PlannerService:
 
     Requests take effect at once, so that a run in lockstep does not depend on the disk. What is said of them, replies
     and publications, waits in an outbox until it is on disk: ``kill -9`` loses nothing that was said. A request whose
-    change cannot be written is refused, and the change undone.
+    change cannot be written is refused: a new move is failed (the one it replaced stays cancelled), maps are as before.
     """
 
     busy = False
@@ -81,7 +81,7 @@ class PlannerService:
                 self.publish()
                 self._outbox.put(
                     lambda: request.reply(reply),
-                    lambda why: request.refuse(RefusalCode.UNAVAILABLE, f"not stored, and undone: {why}"),
+                    lambda why: request.refuse(RefusalCode.UNAVAILABLE, f"could not be stored: {why}"),
                     since,
                 )
 

@@ -13,7 +13,7 @@ from rackhand.schemas.base import Message
 from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.motion import ArmCommand
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
-from rackhand.schemas.service import WORLD, ServiceId
+from rackhand.schemas.service import DRIVER, WORLD, ServiceId
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import WorldReply, WorldRequest
 from rackhand.services.sim.session import Session
@@ -54,7 +54,7 @@ class SimService:
     def run(self) -> None:
         self._publish_models()
         self._publish_things()
-        self._bus.announce(*(ServiceId("driver", name) for name in self._robots))
+        self._bus.announce(*(ServiceId(DRIVER, name) for name in self._robots))
         self._publish_step()
         log.info("ready", world=self._session.simulation.world.name, seed=self._session.seed)
         while not self._bus.stopping:

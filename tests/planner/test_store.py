@@ -37,9 +37,9 @@ class Planner(ListBus):
         self.posted: queue.SimpleQueue[Posted] = queue.SimpleQueue()
         self.store = PlannerStore(path, "amr1")
         self.cell = cell
-        model = cell.chassis._sensed.model
+        model = cell.chassis._state.model
         assert model is not None
-        cell.chassis = Chassis(cell.navigator, self.store.moves, self.store.maps)
+        cell.chassis = Chassis(cell.motion, self.store.moves, self.store.maps)
         self.service = PlannerService(self, "amr1", cell.chassis, self.store)  # type: ignore[arg-type]
         cell.chassis.on_message(model)
         cell.chassis.set_driver_fault("")
@@ -101,7 +101,7 @@ def test_no_statement_runs_in_the_control_thread(planner: Planner) -> None:
     planner.in_thread(lambda c: c.set_trace_callback(lambda _: ran.append(threading.get_ident())))
     first, second = planner.move(CREATE), planner.move(CREATE)
     planner.settle_all()
-    planner.cell.navigator.ticks = [ZeroDivisionError("by zero")]
+    planner.cell.script.ticks = [ZeroDivisionError("by zero")]
     with pytest.raises(ZeroDivisionError):
         planner.service.tick(False)
     planner.service.tick_failed(ZeroDivisionError("by zero"))
@@ -117,6 +117,7 @@ def test_no_statement_runs_in_the_control_thread(planner: Planner) -> None:
 
 
 def test_a_move_begins_at_once_and_is_answered_and_published_when_it_is_on_disk(planner: Planner) -> None:
+    planner.in_thread(lambda c: c.execute("PRAGMA busy_timeout = 120000"))  # a first tick may compile
     with sqlite3.connect(planner.store.path, isolation_level=None) as other:
         other.execute("BEGIN IMMEDIATE")
         asked = planner.move(CREATE)
@@ -139,7 +140,7 @@ def test_a_move_that_cannot_be_stored_is_refused_and_stopped_and_stored_when_the
     planner.fill_disk()
     asked = planner.move(LARGE)
     planner.settle()
-    assert asked.answer == ("unavailable", "not stored, and undone: database or disk is full")
+    assert asked.answer == ("unavailable", "could not be stored: database or disk is full")
     move = planner.store.moves.get(1)
     assert move is not None
     assert (move.state, move.fail_reason) == ("failed", 1002)
@@ -159,6 +160,25 @@ def test_a_move_that_cannot_be_stored_is_refused_and_stopped_and_stored_when_the
     assert last.answer.moves[0].id == 2, "the id of the refused one is not used again"
 
 
+def test_a_store_that_is_locked_or_read_only_refuses_moves_until_it_is_not(planner: Planner) -> None:
+    planner.in_thread(lambda c: c.execute("PRAGMA busy_timeout = 0"))
+    with sqlite3.connect(planner.store.path, isolation_level=None) as other:
+        other.execute("BEGIN IMMEDIATE")
+        asked = planner.move(CREATE)
+        planner.settle()
+        other.execute("ROLLBACK")
+    other.close()
+    assert asked.answer == ("unavailable", "could not be stored: database is locked")
+    while planner.store.moves._fault:
+        planner.settle()
+    planner.in_thread(lambda c: c.execute("PRAGMA query_only = ON"))
+    asked = planner.move(CREATE)
+    while asked.answer is None:
+        planner.settle()
+    assert asked.answer == ("unavailable", "could not be stored: attempt to write a readonly database")
+    assert planner.service.tick(False).twist.linear == 0, "and the chassis is driven no further"
+
+
 def test_a_map_that_cannot_be_stored_is_refused_and_undone(planner: Planner) -> None:
     rows = planner.map(ListMaps()).answer.maps
     planner.fill_disk()
@@ -173,7 +193,7 @@ def test_a_map_that_cannot_be_stored_is_refused_and_undone(planner: Planner) -> 
     assert running.answer is not None
     assert planner.map(ListMaps()).answer.maps == rows
     assert planner.store.maps.current is not None and planner.store.maps.current.map_name == "hall"
-    assert planner.cell.navigator.map is not None and planner.cell.navigator.map.map_name == "hall"
+    assert planner.cell.motion.map is not None and planner.cell.motion.map.map_name == "hall"
     assert planner.published(topics.MAP)[-1].map.map_name == "hall"
     planner.make_room()
     created = planner.map(a_map("second"))

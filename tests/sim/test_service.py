@@ -15,7 +15,7 @@ from rackhand.schemas import world as asked
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.motion import ArmCommand, FencingToken
-from rackhand.schemas.service import CELL, ServiceId
+from rackhand.schemas.service import CELL, DRIVER, ServiceId
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.service import SimService
 from rackhand.services.sim.session import Run, Session
@@ -96,6 +96,19 @@ def start() -> Iterator[Any]:
 def serve(bus: Bus, session: Session) -> None:
     with bus:
         SimService(bus, session).run()
+
+
+def test_it_is_the_driver_of_each_robot_until_it_ends(start: Any) -> None:
+    arm = {"kind": "ur5e", "pose": (3, 3, 0)}
+    peer = start(make_world(arms={"arm1": arm}))
+    drivers = {ServiceId(DRIVER, "amr1"), ServiceId(DRIVER, "arm1")}
+    inbox = peer.bus.inbox().watch_services()
+    there: set[ServiceId] = set()
+    while not drivers <= there:
+        event = inbox.get(timeout=20)
+        assert event is not None, f"of {drivers} only {there}"
+        if isinstance(event, Presence) and event.alive:
+            there.add(event.service)
 
 
 def test_it_waits_at_zero_until_all_have_joined_and_publishes_the_step_to_a_participant_that_joins(start: Any) -> None:

@@ -1,4 +1,4 @@
-"""Whether a move gets on: what it is stuck with, and when patience ends."""
+"""Whether a move makes progress: in which state it is stuck, and after how long it fails."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.settings import NavigationSettings
 
 Phase = Literal["planning", "driving", "rotating", "done"]
-GAIN = 0.05  # m or rad that count as getting on
+GAIN = 0.05  # m or rad that count as progress
 
 
 class ProgressWatch:
-    """Counts the time since something last got smaller: the way left, or the angle left of a turn on the spot."""
+    """Time since what is left last got smaller: the path in metres, or the angle of a turn on the spot in radians."""
 
     def __init__(self, settings: NavigationSettings, stamp: int) -> None:
         self._settings = settings
@@ -24,7 +24,7 @@ class ProgressWatch:
         self._what = ""
 
     def update(self, stamp: int, what: str, left: float) -> None:
-        """``what`` names the thing measured; another thing begins anew, but only getting on resets the clock."""
+        """``left`` of ``what``, a name; another name starts a new measure, but only progress resets the time."""
         if what != self._what:
             self._what, self._best = what, left
         elif left < self._best - GAIN:
@@ -34,11 +34,11 @@ class ProgressWatch:
         self._since = stamp
 
     def renew(self) -> None:
-        """The way is another one now: measure it from its own length."""
+        """The path was replaced: measure it from its own length."""
         self._what = ""
 
     def standing(self, stamp: int) -> float:
-        """Seconds without getting on."""
+        """Seconds without progress."""
         return (stamp - self._since) / NANOSECONDS
 
     def stuck_state(self, stamp: int, phase: Phase) -> StuckState:
@@ -47,9 +47,9 @@ class ProgressWatch:
         return "target_spin_stucked" if phase == "rotating" else "move_stucked"
 
     def check(self, stamp: int, phase: Phase, text: str) -> None:
-        """Raises ``MoveFailed`` when patience is over."""
+        """Raises ``MoveFailed`` (15, 18) after ``move_timeout`` or ``rotate_timeout``; ``text`` says why."""
         standing = self.standing(stamp)
         if phase == "rotating" and standing > self._settings.rotate_timeout:
-            raise MoveFailed(MoveFailReason.ROTATE_TIMEOUT, f"no nearer to the heading for {standing:.0f} s: {text}")
+            raise MoveFailed(MoveFailReason.ROTATE_TIMEOUT, f"no progress of the turn for {standing:.0f} s: {text}")
         if phase == "driving" and standing > self._settings.move_timeout:
-            raise MoveFailed(MoveFailReason.MOVE_TIMEOUT, f"a way, but no headway for {standing:.0f} s: {text}")
+            raise MoveFailed(MoveFailReason.MOVE_TIMEOUT, f"path exists, no progress for {standing:.0f} s: {text}")

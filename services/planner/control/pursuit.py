@@ -1,4 +1,4 @@
-"""Regulated pure pursuit of one segment: where to steer, and how fast the way allows (Macenski et al. 2023)."""
+"""Regulated pure pursuit of one segment: curvature and speed (Macenski et al. 2023)."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def approach_speed(left: float, decel: float, lag: float) -> float:
 
 
 def regulated_speed(kappa: float, free: float, limit: float, s: NavigationSettings) -> float:
-    """The speed that curvature (1/m) and free room beside the body (m) allow, at most ``limit``."""
+    """The speed that curvature (1/m) and clearance of the body (m) allow, at most ``limit``."""
     bend = abs(kappa)
     speed = limit
     if bend > 1e-6:

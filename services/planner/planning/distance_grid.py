@@ -36,7 +36,10 @@ class DistanceGrid(NamedTuple):
         return clearance(self, footprint, pose[0], pose[1], pose[2], enough)
 
     def turn_clearance(self, footprint: Footprint, pose: Pose, turn: float, enough: float = 0.0) -> float:
-        """The least clearance while turning on the spot by ``turn`` (signed), exact below ``enough``."""
+        """The least clearance while turning on the spot by ``turn`` (signed), exact from 0 to ``enough``.
+
+        Below 0 it is that of the first heading that overlaps.
+        """
         return turn_clearance(self, footprint, pose[0], pose[1], pose[2], turn, enough)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,8 +13,9 @@ from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import DeleteMap, GetMap, ListMaps, MapData, PatchMap, ReplaceMap, SelectMap, UseMapData
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.errors import MoveFailed
-from rackhand.services.planner.map.directory import MapDirectoryError, read_map_directory
+from rackhand.services.planner.map.directory import read_map_directory
 from tests.planner.fakes import UNIX_NS, Cell, a_map, png
+from tests.planner.map.test_directory import write_world
 
 WALL = {
     "type": "FeatureCollection",
@@ -261,16 +261,6 @@ def test_a_stored_map_that_cannot_be_read_at_the_start_fails_moves_with_2(cell: 
 # -- map directories ---------------------------------------------------------------------------------------------------
 
 
-def write_world(directory: Path, overlays: Any = None, **fields: Any) -> Path:
-    directory.mkdir(exist_ok=True)
-    lines = {"image": "map.png", "resolution": 0.05, "origin": [-1.0, -2.0, 0.0], "negate": 0} | fields
-    (directory / "map.yaml").write_text("".join(f"{key}: {json.dumps(value)}\n" for key, value in lines.items()))
-    (directory / "map.png").write_bytes(png())
-    if overlays is not None:
-        (directory / "overlays.geojson").write_text(json.dumps(overlays))
-    return directory
-
-
 def test_a_directory_is_imported_once_and_the_choice_kept(make_cell: Callable[..., Cell], tmp_path: Path) -> None:
     world = write_world(tmp_path / "hall", WALL)
     cell = make_cell(with_map=False)
@@ -289,37 +279,3 @@ def test_a_directory_is_imported_once_and_the_choice_kept(make_cell: Callable[..
     write_world(world, feature({"type": "Point", "coordinates": [0, 0]}))
     assert cell.maps.import_directory(read_map_directory(world)), "a world that was changed"
     assert len(cell.maps.list()) == 3
-
-
-@pytest.mark.parametrize(
-    ("fields", "text"),
-    [
-        ({"image": "none.png"}, "none.png: No such file"),
-        ({"image": 3}, "want at least the keys image, resolution and origin"),
-        ({"resolution": "fine"}, "resolution is 'fine', want a number"),
-        ({"resolution": -1}, "resolution"),
-        ({"origin": [0]}, r"origin is \[0\], want"),
-        ({"origin": [0, 0, 1.5]}, "turned by 1.5 rad"),
-        ({"negate": 1}, "negate is 1, want 0"),
-        ({"overlays": {"type": "x"}}, "overlays.type: 'x', want 'FeatureCollection'"),
-    ],
-)
-def test_a_bad_directory_says_which_file_and_why(tmp_path: Path, fields: dict[str, Any], text: str) -> None:
-    world = write_world(tmp_path / "bad", **fields)
-    with pytest.raises(MapDirectoryError, match=text):
-        read_map_directory(world)
-
-
-def test_broken_files_of_a_directory(tmp_path: Path) -> None:
-    with pytest.raises(MapDirectoryError, match=r"map\.yaml: No such file"):
-        read_map_directory(tmp_path)
-    world = write_world(tmp_path / "world", WALL)
-    (world / "overlays.geojson").write_text("{")
-    with pytest.raises(MapDirectoryError, match=r"overlays\.geojson: not JSON"):
-        read_map_directory(world)
-    (world / "overlays.geojson").write_text("[]")
-    with pytest.raises(MapDirectoryError, match="overlays: Input should be a valid dictionary"):
-        read_map_directory(world)
-    (world / "map.yaml").write_text("a: [")
-    with pytest.raises(MapDirectoryError, match=r"map\.yaml: not YAML"):
-        read_map_directory(world)

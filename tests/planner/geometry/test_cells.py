@@ -1,0 +1,20 @@
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rackhand.services.planner.geometry.cells import Geometry
+
+GRID = Geometry(-3.0, 2.0, 0.05, 40, 60)
+
+
+@given(st.integers(0, 39), st.integers(0, 59))
+def test_the_cell_of_a_centre_is_that_cell(row: int, column: int) -> None:
+    assert GRID.cell(*GRID.centre(row, column)) == (row, column)
+    assert GRID.contains(*GRID.centre(row, column))
+
+
+def test_outside_is_not_contained_but_has_a_cell_number() -> None:
+    assert GRID.cell(-3.01, 4.01) == (40, -1)
+    for x, y in ((-3.01, 3.0), (0.01, 3.0), (-1.0, 1.99), (-1.0, 4.01)):
+        assert not GRID.contains(x, y)
