@@ -145,7 +145,7 @@ class NavigationSettings:
     ground_margin: float = 0.0  # clearance of the footprint at start and goal
     inflation_radius: float = 0.5  # beyond the inscribed circle; nearer costs more
     clearance_weight: float = 4.0
-    max_expansions: int = 3_000_000
+    max_expansions: int = 6_000_000  # a hall of 100 m has 4 million cells
     expansions_per_tick: int = 5_000  # of a search with the footprint; about 20 ms
     heuristic_weight: float = 1.3
 

@@ -192,4 +192,4 @@ def test_a_repeated_target_succeeds_again_at_once(driver: JoinedChassis) -> None
     assert driver.drive(target).state == "succeeded"
     place = start(driver)
     assert driver.drive(target).state == "succeeded"
-    assert start(driver) == place, "no wheel has turned"
+    assert start(driver).x == pytest.approx(place.x, abs=1e-3), "no wheel has turned"
