@@ -9,6 +9,7 @@ from types import TracebackType
 
 from rackhand.runtime.store import Settled, StoreThread
 from rackhand.services.planner.database import Database
+from rackhand.services.planner.load import LoadStore
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.moves.records import HISTORY_LIMIT, MoveStore
 
@@ -30,6 +31,7 @@ class PlannerStore:
         self._thread = StoreThread("store", lambda: Database(path, robot), Database.close)
         try:
             self.moves, self.maps = MoveStore(self._thread, history_limit), MapStore(self._thread)
+            self.load = LoadStore(self._thread)
         except BaseException:
             self._thread.close()
             raise
