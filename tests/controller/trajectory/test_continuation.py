@@ -69,7 +69,7 @@ def test_an_arm_that_is_not_where_the_path_begins_is_refused_rather_than_moved_t
 
     start = UR5E.forward(UR5E_HOME)
     path = task_path([moved(start, (0.1, 0, 0)), start], Tolerance())
-    with pytest.raises(PathRefused, match="not where the path begins"):
+    with pytest.raises(PathRefused, match="not at the start of the path"):
         follow(Stuck(UR5E.table), UR5E_LIMITS, path, UR5E_HOME)
 
 
