@@ -325,7 +325,7 @@ def test_a_setting_refuses_moves_while_the_jack_travels(make_cell: Callable[...,
 def test_the_jack_does_not_start_while_a_move_runs(make_cell: Callable[..., Cell]) -> None:
     cell = make_cell(jack=jack("hold", 0.0))
     move = cell.create()
-    with pytest.raises(RequestRefused, match=f"move {move.id} runs") as refused:
+    with pytest.raises(RequestRefused, match=f"move {move.id} is running") as refused:
         cell.ask(JackRequest(direction="up"))
     assert refused.value.code == "precondition"
 
