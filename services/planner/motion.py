@@ -47,6 +47,16 @@ class Motion:
         self._avoidance = DynamicAvoidance(self.settings)
         self.set_footprint(Footprint.of(model.footprint))
 
+    @property
+    def own_limits(self) -> Limits | None:
+        """What the chassis can do, within the operator's caps; None before ``set_model``."""
+        return None if self._footprint is None else self.settings.own
+
+    def set_limits(self, limits: Limits) -> None:
+        """Command no more than this from the next tick on, also of the running move; ``set_model`` ends it."""
+        self.settings = self.settings.commanding(limits)
+        self._avoidance.set_limits(limits)
+
     def set_footprint(self, footprint: Footprint) -> None:
         """The outline that must not touch anything: that of the chassis, or of the chassis with its load."""
         self._footprint = footprint
@@ -111,10 +121,10 @@ class Motion:
     def command(self, wanted: Drive | None, state: ChassisState, limits: Limits) -> Twist2:
         """The twist to command now: what is wanted, within ``limits``, if the guard lets it pass. None brakes."""
         if state.odometry is None or self._footprint is None:
-            return self._guard.brake(0 if state.odometry is None else state.odometry.stamp, self.settings.control)
+            return self._guard.brake(0 if state.odometry is None else state.odometry.stamp, self.settings.own)
         stamp, measured = state.odometry.stamp, state.odometry.twist
         if wanted is None:
-            return self._guard.brake(stamp, self.settings.control)
+            return self._guard.brake(stamp, self.settings.own)
         view = self.perception.surroundings(stamp)
         return self._guard.drive(
             wanted.twist, view, measured, stamp, limits, self._footprint.edges, self.settings, wanted.may_touch
@@ -122,4 +132,4 @@ class Motion:
 
     def brake(self, stamp: int) -> Twist2:
         """The next command of the shortest stop, whatever else is broken."""
-        return self._guard.brake(stamp, self.settings.control)
+        return self._guard.brake(stamp, self.settings.own)

@@ -1,4 +1,4 @@
-"""What one chassis keeps: moves and maps, in memory while the planner runs, written by a thread beside it."""
+"""What one chassis keeps: moves, maps and parameters, in memory while the planner runs, written by a thread."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from rackhand.runtime.store import Settled, StoreThread
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.moves.records import HISTORY_LIMIT, MoveStore
+from rackhand.services.planner.parameters import ParameterStore
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class PlannerStore:
         self._thread = StoreThread("store", lambda: Database(path, robot), Database.close)
         try:
             self.moves, self.maps = MoveStore(self._thread, history_limit), MapStore(self._thread)
+            self.parameters = ParameterStore(self._thread)
         except BaseException:
             self._thread.close()
             raise
@@ -46,6 +48,7 @@ class PlannerStore:
     def settle(self, settled: Settled) -> NotWritten | None:
         """The disk's answer to a change, in the control thread."""
         move_id, maps_undone = self.moves.settle(settled), self.maps.settle(settled)
+        self.parameters.settle(settled)
         if settled.error is None:
             return None
         self._thread.resume()
