@@ -8,7 +8,18 @@ import re
 from pathlib import Path
 
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
-NAMES = ("bus", "cell", "first_motion", "planning", "ik", "motion", "trajectory", "viewer", "viewer_memory")
+NAMES = (
+    "bus",
+    "cell",
+    "first_motion",
+    "planning",
+    "planner_tick",
+    "ik",
+    "motion",
+    "trajectory",
+    "viewer",
+    "viewer_memory",
+)
 
 
 def main() -> None:

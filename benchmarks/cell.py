@@ -23,23 +23,24 @@ from tests.system.judge import Judge, standard
 
 SECONDS = 30.0  # of simulation time, each
 GOALS = ((9.0, 7.3), (2.5, 7.3))
+SERVICES = ("router", "sim", "planner", "controller", "gateway")
 
 
 def run() -> Report:
     world = load_world("warehouse")
     bare = bare_physics(world)
-    speeds = {
-        "bare `mj_step`, same world, one process": bare,
-        "simulator's core with sensors, no bus": core(world),
-        "simulator on the bus, nobody commands": simulator_alone(),
+    measured: dict[str, tuple[float, str]] = {
+        "bare `mj_step`, same world, one process": (bare, ""),
+        "simulator's core with sensors, no bus": (core(world), ""),
+        "simulator on the bus, nobody commands": (simulator_alone(), ""),
         "whole cell, running free": whole_cell("--speed", "max"),
         "whole cell, lockstep": whole_cell("--lockstep", "--speed", "max"),
     }
     return Report(
         "Speed of the whole cell",
         "python -m benchmarks cell",
-        ("variant", "x real time", "ratio to bare physics"),
-        [(name, f"{speed:.1f}", f"{speed / bare:.2f}") for name, speed in speeds.items()],
+        ("variant", "x real time", "ratio to bare physics", "CPU ms per simulated second"),
+        [(name, f"{speed:.1f}", f"{speed / bare:.2f}", cpu) for name, (speed, cpu) in measured.items()],
         f"World `warehouse`, {SECONDS:.0f} s of simulation each. The cell is five processes. The chassis drives moves "
         "all the time, the arm is commanded 250 times a simulated second: physics at 1 kHz, the arm's servo, lidar, "
         "odometry, localisation, planning, control, commands, HTTP. Bare physics stands still and feels nothing.",
@@ -88,10 +89,13 @@ def simulator_alone() -> float:
             process.wait(timeout=10)
 
 
-def whole_cell(*options: str) -> float:
+def whole_cell(*options: str) -> tuple[float, str]:
+    """Times real time, and the processor time of each service in ms per simulated second."""
     with tempfile.TemporaryDirectory() as folder, Cell(Path(folder), *options) as cell, Judge(cell.bus) as judge:
         driver = Driver(cell, judge)
         driver.wait_until_joined()
+        pids = {service: cell.pid(service) for service in SERVICES}
+        before = {service: cpu_seconds(pid) for service, pid in pids.items()}
         begun, from_stamp = time.perf_counter(), judge.now()
         passed, number = 0.0, 0
         while passed < SECONDS:
@@ -99,5 +103,13 @@ def whole_cell(*options: str) -> float:
             number += 1
             passed = judge.now() - from_stamp
         took = time.perf_counter() - begun
+        used = {service: 1000 * (cpu_seconds(pid) - before[service]) / passed for service, pid in pids.items()}
         driver.close()
-        return passed / took
+        parts = ", ".join(f"{service} {milliseconds:.0f}" for service, milliseconds in used.items())
+        return passed / took, f"{sum(used.values()):.0f} ({parts})"
+
+
+def cpu_seconds(pid: int) -> float:
+    """Processor time of a process and all its threads, from proc(5)."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,4 +1,4 @@
-"""How messages are carried: typed publish, subscribe, query on Zenoh. The only importer of ``zenoh``.
+"""Typed publish, subscribe and query on Zenoh. The only importer of ``zenoh``.
 
 Read in this order: ``config`` (where the bus is), ``session`` (publish, call, liveliness), ``inbox`` (the queue a
 service reads) with ``handlers`` (typed dispatch), ``requests`` and ``samples`` (what is in it), ``newest`` (a reader

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from functools import cache
 from typing import Any, Generic, TypeVar
 
@@ -36,12 +37,15 @@ class Codec(Generic[M]):
         self.model = model
         self.name = f"{model.__module__.removeprefix('rackhand.schemas.')}.{model.__name__}"
         self.fingerprint = hashlib.sha256(_canonical(model.model_json_schema()).encode()).hexdigest()[:12]
+        # What ``model_dump`` and ``model_validate`` call, without the 1 to 2 µs that their options cost a message.
+        self._to_python: Callable[[M], Any] = model.__pydantic_serializer__.to_python
+        self._validate: Callable[[Any], M] = model.__pydantic_validator__.validate_python
         self.encoding = f"{MEDIA_TYPE};{self.name}@{model.VERSION}#{self.fingerprint}"
 
     def dumps(self, message: M) -> bytes:
         """Raises ``MalformedMessage`` for free-form fields that msgpack cannot carry (an integer over 64 bits, say)."""
         try:
-            return _encoder.encode(message.model_dump())
+            return _encoder.encode(self._to_python(message))
         except (ValueError, TypeError, OverflowError, RecursionError) as error:
             raise MalformedMessage(f"{self.name}: cannot be encoded: {error}") from None
 
@@ -54,7 +58,7 @@ class Codec(Generic[M]):
         except (ValueError, RecursionError, msgspec.MsgspecError) as error:
             raise MalformedMessage(f"{self.name}: {error} ({len(payload)} bytes, starts {payload[:8].hex()})") from None
         try:
-            return self.model.model_validate(value)
+            return self._validate(value)
         except ValidationError as error:
             raise MalformedMessage(f"{self.name}: {explain(error)}") from None
         except RecursionError:

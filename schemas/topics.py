@@ -146,7 +146,7 @@ MAP = _chassis("map", maps.CurrentMap, "planner", ("gateway", "viewer"), 0, Qos.
                ws.MapFrame, ws.MapFileFrame, ws.MapInfo, ws.SlamState)
 
 ARM_STATE = _arm("arm/state", motion.ArmState, "driver", ("controller",), 500, Qos.STREAM,
-                 "joint positions, velocities, efforts, flange wrench")
+                 "joint positions, velocities, efforts, flange wrench; at the period of a controller that has joined")
 ARM_MODEL = _arm("arm/model", motion.ArmModel, "driver", ("viewer",), 0, Qos.LATCHED, "kind of arm, pose of its base")
 ARM_COMMAND = _arm("arm/command", motion.ArmCommand, "controller", ("driver",), 250, Qos.COMMAND,
                    "joint positions, velocities or torques, with the fencing token")

@@ -80,7 +80,7 @@ def main(
         with PlannerStore(path, robot, history) as kept, ThreadPoolExecutor(1, thread_name_prefix="plan") as planning:
             _prepare(kept, map_directory)
             warm_up(navigation)
-            chassis = Chassis(Motion(navigation, planning), kept.moves, kept.maps, kept.parameters, settings)
+            chassis = Chassis(Motion(navigation, planning), kept.moves, kept.maps, kept.parameters, settings, kept.load)
             with Bus(ServiceId("planner", robot)) as bus:
                 bus.handle_signals()
                 freeze_gc()

@@ -41,6 +41,7 @@ from rackhand.services.planner.behaviors.running import RunningMove
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import JackOrders
+from rackhand.services.planner.load import LoadRecord, UnkeptLoad
 from rackhand.services.planner.map.service import MapService
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteSettings
@@ -75,7 +76,9 @@ class Chassis:
         maps: MapStore,
         parameters: ParameterStore,
         settings: ChassisSettings | None = None,
+        load: LoadRecord | None = None,
     ) -> None:
+        """``load``: where the load state is kept; without it, it lasts as long as the process."""
         self._settings = settings or ChassisSettings()
         self._motion = motion
         self._book = MoveBook(moves)
@@ -83,6 +86,8 @@ class Chassis:
         self.parameters = ParameterService(parameters, motion)
         self._modes = Modes(self._settings.remote.twist_life_ns)
         self._jack = JackOrders()
+        self._load = load or UnkeptLoad()
+        motion.load = self._load.load
         self._state = ChassisState()
         self._reports = Reports()
         self._status, self._distance = Status(), 0.0
@@ -162,6 +167,8 @@ class Chassis:
         stamp = self._stamp = self._state.odometry.stamp
         self._motion.plans.lockstep = lockstep
         self._motion.perceive(self._state)
+        if self._motion.update_load(self._state):
+            self._load.save(self._motion.load)
         limits = self._motion.settings.control
         if self._book.current is not None:
             wanted = self._step_move()

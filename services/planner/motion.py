@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from concurrent.futures import Executor
 
+import numpy as np
+
 from rackhand.schemas.base import Twist2
 from rackhand.schemas.chassis import ChassisModel
 from rackhand.schemas.maps import MapData
@@ -14,6 +16,7 @@ from rackhand.services.planner.behaviors.running import PATIENCE_NS, RunningMove
 from rackhand.services.planner.control.braking_guard import BrakingGuard
 from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
 from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.load import Load, Measured, next_load
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.perception.pipeline import Perception
 from rackhand.services.planner.planning.worker import PlanWorker
@@ -34,7 +37,9 @@ class Motion:
         self._configured = self.settings = settings
         self._registry = registry
         self._patience_ns = patience_ns
-        self._footprint: Footprint | None = None
+        self._body: Footprint | None = None
+        self.load = Load()
+        self.footprint: Footprint | None = None
         self._avoidance = DynamicAvoidance(settings)
         self._guard = BrakingGuard()
         self.perception = Perception(settings)
@@ -45,22 +50,35 @@ class Motion:
         """Move this chassis from now on, within its limits."""
         self.settings = self._configured.for_chassis(model)
         self._avoidance = DynamicAvoidance(self.settings)
-        self.set_footprint(Footprint.of(model.footprint))
+        self.set_body(Footprint.of(model.footprint))
 
     @property
     def own_limits(self) -> Limits | None:
         """What the chassis can do, within the operator's caps; None before ``set_model``."""
-        return None if self._footprint is None else self.settings.own
+        return None if self._body is None else self.settings.own
 
     def set_limits(self, limits: Limits) -> None:
         """Command no more than this from the next tick on, also of the running move; ``set_model`` ends it."""
         self.settings = self.settings.commanding(limits)
         self._avoidance.set_limits(limits)
 
-    def set_footprint(self, footprint: Footprint) -> None:
-        """The outline that must not touch anything: that of the chassis, or of the chassis with its load."""
-        self._footprint = footprint
-        self.perception.configure(self.settings, footprint)
+    def set_body(self, body: Footprint) -> None:
+        """The outline of the chassis without a load. ``footprint``, which must not touch anything, derives from it."""
+        self._body = body
+        self.footprint = self.load.footprint(body)
+        self.perception.configure(self.settings, self.footprint)
+
+    def update_load(self, state: ChassisState) -> bool:
+        """What the chassis carries by now; True if that changed, and perhaps the footprint with it."""
+        if self._body is None:
+            return False
+        measured = Measured(state, self.perception.pose, self._body)
+        load = next_load(self.load, measured, np.array(self.settings.default_rack))
+        if load == self.load:
+            return False
+        self.load = load
+        self.set_body(self._body)
+        return True
 
     def set_map(self, data: MapData | None) -> None:
         """Use this map (or none); raises ``MoveFailed(GET_MAP_FAILED)`` and then has none. A running move must end."""
@@ -94,7 +112,7 @@ class Motion:
         Raises ``RuntimeError`` without a move, a map, a pose or a footprint: the caller knows what is missing.
         """
         costmap, pose, odometry = self.perception.costmap, self.perception.pose, state.odometry
-        if self.move is None or costmap is None or pose is None or odometry is None or self._footprint is None:
+        if self.move is None or costmap is None or pose is None or odometry is None or self.footprint is None:
             raise RuntimeError("a move cannot be stepped without a map, a pose and a footprint")
         stamp = odometry.stamp
         if self.move.is_new:
@@ -111,7 +129,7 @@ class Motion:
             commanded=self._guard.command,
             vetoed=self._guard.vetoed,
             costmap=costmap,
-            footprint=self._footprint,
+            footprint=self.footprint,
             settings=self.settings,
             plans=self.plans,
             avoidance=self._avoidance,
@@ -120,14 +138,14 @@ class Motion:
 
     def command(self, wanted: Drive | None, state: ChassisState, limits: Limits) -> Twist2:
         """The twist to command now: what is wanted, within ``limits``, if the guard lets it pass. None brakes."""
-        if state.odometry is None or self._footprint is None:
+        if state.odometry is None or self.footprint is None:
             return self._guard.brake(0 if state.odometry is None else state.odometry.stamp, self.settings.own)
         stamp, measured = state.odometry.stamp, state.odometry.twist
         if wanted is None:
             return self._guard.brake(stamp, self.settings.own)
         view = self.perception.surroundings(stamp)
         return self._guard.drive(
-            wanted.twist, view, measured, stamp, limits, self._footprint.edges, self.settings, wanted.may_touch
+            wanted.twist, view, measured, stamp, limits, self.footprint.edges, self.settings, wanted.may_touch
         )
 
     def brake(self, stamp: int) -> Twist2:

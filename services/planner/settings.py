@@ -132,6 +132,9 @@ class NavigationSettings:
     noise: PoseNoise = field(default_factory=PoseNoise)
     mppi: MppiSettings = field(default_factory=MppiSettings)
 
+    # a rack that is lifted without having been measured before: rows x, y of its outline in the chassis frame
+    default_rack: tuple[tuple[float, float], ...] = ((0.6, 0.45), (-0.6, 0.45), (-0.6, -0.45), (0.6, -0.45))
+
     # the map
     slow_zone_velocity: float = 0.4
     static_match_distance: float = 0.11  # a hit this near to a mapped obstacle is that obstacle
@@ -149,7 +152,7 @@ class NavigationSettings:
     ground_margin: float = 0.0  # clearance of the footprint at start and goal
     inflation_radius: float = 0.5  # beyond the inscribed circle; nearer costs more
     clearance_weight: float = 4.0
-    max_expansions: int = 3_000_000
+    max_expansions: int = 6_000_000  # a hall of 100 m has 4 million cells
     expansions_per_tick: int = 5_000  # of a search with the footprint; about 20 ms
     heuristic_weight: float = 1.3
 

@@ -9,6 +9,7 @@ from types import TracebackType
 
 from rackhand.runtime.store import Settled, StoreThread
 from rackhand.services.planner.database import Database
+from rackhand.services.planner.load import LoadStore
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.moves.records import HISTORY_LIMIT, MoveStore
 from rackhand.services.planner.parameters import ParameterStore
@@ -32,6 +33,7 @@ class PlannerStore:
         try:
             self.moves, self.maps = MoveStore(self._thread, history_limit), MapStore(self._thread)
             self.parameters = ParameterStore(self._thread)
+            self.load = LoadStore(self._thread)
         except BaseException:
             self._thread.close()
             raise

@@ -33,7 +33,7 @@ def warm_up(settings: NavigationSettings) -> None:
     """With a ``Motion`` of its own: the real one keeps its map and state."""
     with ThreadPoolExecutor(1) as executor:
         motion = Motion(settings, executor)
-        motion.set_footprint(Footprint.of(BODY))
+        motion.set_body(Footprint.of(BODY))
         motion.plans.lockstep = True
         _drive(motion, _room(), MoveCreate(target_x=4.0, target_y=2.0, target_ori=1.0), 0)
         # A corridor in which the body cannot turn: the search with the footprint.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +14,15 @@ from rackhand.schemas.maps import CreateMap, GetMap, MapReply, MapRequest, Selec
 from rackhand.schemas.moves import TERMINAL, CancelMove, CreateMove, GetMove, Move, MoveCreate, MoveRequest
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import Clock
-from rackhand.services.planner.behaviors.navigator import ChassisNavigator
 from rackhand.services.planner.chassis import PERIOD_NS, Chassis
 from rackhand.services.planner.database import Database
+from rackhand.services.planner.load import LoadStore
 from rackhand.services.planner.map.directory import read_map_directory
 from rackhand.services.planner.map.store import MapStore
+from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.records import MoveStore
+from rackhand.services.planner.parameters import ParameterStore
+from rackhand.services.planner.settings import NavigationSettings
 from rackhand.worlds.world_model import world_directory
 
 if TYPE_CHECKING:
@@ -43,9 +47,12 @@ class JoinedChassis:
         moves, maps = MoveStore(self._database), MapStore(self._database)
         maps.import_directory(read_map_directory(world_directory(world.session.simulation.world.name)))
         self._stored = maps.current
-        self.core = Chassis(ChassisNavigator(), moves, maps)
+        self._planning = ThreadPoolExecutor(1, thread_name_prefix="plan")
+        motion = Motion(NavigationSettings(), self._planning)
+        self.core = Chassis(motion, moves, maps, ParameterStore(self._database), load=LoadStore(self._database))
 
     def close(self) -> None:
+        self._planning.shutdown()
         self._database.close()
 
     # -- as the service does -----------------------------------------------------------------------------------------
@@ -66,7 +73,7 @@ class JoinedChassis:
         if topic is topics.ODOMETRY:
             self.odometry.append(message)
         if topic is topics.ODOMETRY and message.stamp % PERIOD_NS == 0:
-            self.commands.append(self.core.tick())
+            self.commands.append(self.core.tick(lockstep=True))
             self.world.session.command(self.name, self.commands[-1])
         self.published += [(p.topic, p.message) for p in self.core.take_publications()]
 

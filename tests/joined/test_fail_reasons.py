@@ -80,9 +80,9 @@ def goal_in_a_no_go_zone(driver: JoinedChassis) -> int:
     return driver.post(ahead(driver, 3.0))
 
 
-def goal_is_where_it_stands(driver: JoinedChassis) -> int:
+def nothing_to_drive_and_nothing_to_turn_to(driver: JoinedChassis) -> int:
     pose = start(driver)
-    return driver.post(standard(pose.x, pose.y, pose.yaw))
+    return driver.post(standard(pose.x, pose.y, properties={"inplace_rotate": True}))
 
 
 def goal_behind_virtual_walls(driver: JoinedChassis) -> int:
@@ -158,7 +158,7 @@ CAUSES: list[tuple[Reason, Callable[[JoinedChassis], int]]] = [
     (Reason.ENDING_POINT_OUT_OF_MAP, goal_beside_the_map),
     (Reason.STARTING_POINT_NOT_IN_GROUND, robot_in_a_no_go_zone),
     (Reason.ENDING_POINT_NOT_IN_GROUND, goal_in_a_no_go_zone),
-    (Reason.STARTING_EQUAL_ENDING, goal_is_where_it_stands),
+    (Reason.STARTING_EQUAL_ENDING, nothing_to_drive_and_nothing_to_turn_to),
     (Reason.CALCULATION_FAILED, goal_behind_virtual_walls),
     (Reason.NO_GLOBAL_PATH, goal_in_a_slot_too_narrow_to_turn_into),
     (Reason.PLANNING_TIMEOUT, way_closed_for_good_while_driving),
@@ -185,3 +185,11 @@ def test_a_move_fails_for_its_cause(
 def test_after_every_failure_the_next_move_succeeds(driver: JoinedChassis) -> None:
     driver.finish(deprecated_type(driver))
     assert driver.drive(ahead(driver, 2.0)).state == "succeeded"
+
+
+def test_a_repeated_target_succeeds_again_at_once(driver: JoinedChassis) -> None:
+    target = ahead(driver, 2.0)
+    assert driver.drive(target).state == "succeeded"
+    place = start(driver)
+    assert driver.drive(target).state == "succeeded"
+    assert start(driver).x == pytest.approx(place.x, abs=1e-3), "no wheel has turned"

@@ -35,6 +35,7 @@ from rackhand.services.planner.behaviors.registry import BEHAVIORS
 from rackhand.services.planner.chassis import Chassis, ChassisSettings
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.geometry.se2 import STANDSTILL
+from rackhand.services.planner.load import LoadStore
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.records import MoveStore
@@ -102,9 +103,9 @@ def driving(distance: float = 5.0, **more: Any) -> tuple[Drive, Status]:
 ARRIVED = (Succeeded(), Status())
 
 
-def free_scan(stamp: int) -> Scan:
-    """Nothing within 9 m."""
-    ranges = np.full(90, 9.0, dtype="<f4")
+def free_scan(stamp: int, reach: float = 9.0) -> Scan:
+    """Something all around at ``reach`` metres, nothing nearer."""
+    ranges = np.full(90, reach, dtype="<f4")
     step = 2 * math.pi / len(ranges)
     return Scan(
         stamp=stamp,
@@ -141,6 +142,7 @@ class Cell:
     contacts: dict[str, bool] = field(default_factory=dict)
     pose_alive: bool = True
     scan_alive: bool = True
+    reach: float = 9.0
     quality: int = 8
     told: list[tuple[Topic[Any], Message]] = field(default_factory=list)
 
@@ -155,7 +157,9 @@ class Cell:
         if self.with_map and self.maps.current is None:
             self.maps.use(self.maps.create(a_map(), 0))
         self.parameters = ParameterStore(self.database)
-        self.chassis = Chassis(self.motion, self.moves, self.maps, self.parameters, self.settings)
+        self.chassis = Chassis(
+            self.motion, self.moves, self.maps, self.parameters, self.settings, LoadStore(self.database)
+        )
         self.chassis.on_message(chassis_model(limits=LIMITS.model_copy(update={"acceleration": 1000.0})))
         self.chassis.set_driver_fault("")
         self.sense()
@@ -170,7 +174,7 @@ class Cell:
         if self.jack is not None:
             self.chassis.on_message(self.jack.model_copy(update={"stamp": self.stamp}))
         if self.scan_alive:
-            self.chassis.on_message(free_scan(self.stamp))
+            self.chassis.on_message(free_scan(self.stamp, self.reach))
         self.chassis.on_message(Contacts(stamp=self.stamp, **self.contacts))
         self.chassis.on_message(Odometry(stamp=self.stamp, pose=pose, twist=self.twist, wheel_velocities=(0.0, 0.0)))
         self.chassis.on_clock(self.clock())

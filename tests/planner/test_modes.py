@@ -220,3 +220,20 @@ def test_a_pose_is_a_hint_the_localiser_does_not_need(cell: Cell) -> None:
 def test_standing_still_is_commanded_too(cell: Cell) -> None:
     command = cell.tick()
     assert (command.twist, command.answers, command.jack) == (STANDSTILL, cell.stamp, "hold")
+
+
+def test_remote_driving_at_a_wall_is_stopped_by_the_guard(cell: Cell) -> None:
+    cell.ask(SetControlMode(control_mode="remote"))
+    cell.ask(remote(0.5))
+    assert cell.tick(5).twist.linear > 0.05
+    cell.reach = 0.38  # all around, measured from the origin: 5 mm ahead of the body
+    for _ in range(20):
+        cell.ask(remote(0.5))
+        cell.tick()
+    assert cell.tick().twist == STANDSTILL
+    cell.scan_alive = False
+    cell.reach = 9.0
+    for _ in range(60):
+        cell.ask(remote(0.5))
+        cell.tick()
+    assert cell.twist == STANDSTILL, "without a scan nothing is known to be free"

@@ -186,7 +186,7 @@ def test_parameters_outlast_a_new_run_of_the_driver_and_a_new_model(cell: Cell) 
 
 
 def test_before_the_driver_has_described_the_chassis_nothing_is_known(cell: Cell) -> None:
-    cell.motion._footprint = None
+    cell.motion._body = None
     with pytest.raises(RequestRefused, match="has not published the chassis' model") as refused:
         get(cell)
     assert refused.value.code is RefusalCode.UNAVAILABLE

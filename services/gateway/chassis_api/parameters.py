@@ -98,4 +98,4 @@ def _equal(given: Outline, outline: Outline) -> bool:
 
 def _shown(values: Parameters, outline: Outline) -> RobotParams:
     fields: dict[str, Any] = {KEYS[name]: value for name, value in values.model_dump().items()}
-    return RobotParams(**fields, **{FOOTPRINT: outline})
+    return RobotParams(**(fields | {FOOTPRINT: outline}))

@@ -1,0 +1,1 @@
+"""What moves besides robots. Read ``obstacles`` (placed at run time), then ``walkers`` (scripted people)."""

@@ -1,0 +1,1 @@
+"""One simulated arm. Read ``arm`` (commands in, measurements out), then ``servo`` (its joint servo, compiled)."""

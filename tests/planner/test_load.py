@@ -1,0 +1,81 @@
+"""The load state: what changes it, what derives from it, and that it survives the process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rackhand.schemas.chassis import Contacts, Jack
+from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.load import Load, LoadState, Measured, next_load
+from rackhand.services.planner.perception.chassis_state import ChassisState
+from tests.planner.fakes import Cell
+from tests.planner.plant import BODY, box
+
+RACK = box(0.0, 0.0, 0.83, 0.9)
+
+
+def measured(
+    progress: float = 0.0, weight: float = 0.0, pose: Any = (2.0, 3.0, 1.57), charge_contact: bool = False
+) -> Measured:
+    state = ChassisState()
+    state.take(Jack(stamp=0, state="hold", progress=progress, weight=weight))
+    state.take(Contacts(stamp=0, charge_contact=charge_contact))
+    return Measured(state, None if pose is None else np.array(pose), Footprint.of(BODY))
+
+
+def test_a_rack_is_lifted_carried_put_down_and_left() -> None:
+    load = Load()
+    assert next_load(load, measured(1.0, 0.4), RACK) is load, "the jack is up with nothing on it"
+    load = next_load(load, measured(1.0, 90.0), RACK)
+    assert load.state is LoadState.CARRYING
+    assert next_load(load, measured(0.5, 90.0), RACK) is load, "it is still on its way down"
+    load = next_load(load, measured(0.0, 0.0), RACK)
+    assert load.state is LoadState.UNDER_RACK
+    assert np.mean(load.rack, axis=0) == pytest.approx([2.0, 3.0])
+    assert next_load(load, measured(pose=(2.0, 3.5, 1.57)), RACK) is load, "half of it is still above the chassis"
+    assert next_load(load, measured(pose=None), RACK) is load
+    assert next_load(load, measured(pose=(2.0, 4.0, 1.57)), RACK) == Load()
+
+
+def test_a_rack_that_is_lifted_again_keeps_its_outline() -> None:
+    carried = Load(state=LoadState.CARRYING, rack=tuple(map(tuple, box(0.05, 0.0, 1.2, 0.9))))
+    down = next_load(carried, measured(0.0), RACK)
+    up = next_load(down, measured(1.0, 90.0), RACK)
+    assert np.array(up.rack) == pytest.approx(np.array(carried.rack))
+
+
+def test_the_charger_s_contacts_dock_it() -> None:
+    load = next_load(Load(), measured(charge_contact=True), RACK)
+    assert load.state is LoadState.DOCKED
+    assert next_load(load, measured(charge_contact=True), RACK) is load
+    assert next_load(load, measured(), RACK) == Load()
+
+
+def test_the_footprint_holds_body_and_rack() -> None:
+    body = Footprint.of(BODY)
+    assert Load(state=LoadState.UNDER_RACK, rack=((9.0, 9.0),) * 3).footprint(body) is body
+    carrying = Load(state=LoadState.CARRYING, rack=tuple(map(tuple, RACK))).footprint(body)
+    assert carrying.polygon[:, 0].max() == pytest.approx(0.415) and carrying.polygon[:, 1].max() == pytest.approx(0.45)
+    long = Load(state=LoadState.CARRYING, rack=tuple(map(tuple, box(0, 0, 0.5, 0.9)))).footprint(body)
+    assert long.polygon[:, 0].max() == pytest.approx(0.375), "the body sticks out"
+
+
+def test_it_survives_a_restart_and_the_footprint_with_it(make_cell: Callable[..., Cell], tmp_path: Path) -> None:
+    path = tmp_path / "kept.sqlite"
+    first = make_cell(path=path, jack=Jack(stamp=0, state="hold", progress=1.0, weight=90.0))
+    first.tick(2)
+    carrying = first.motion.footprint
+    assert carrying is not None and carrying.inscribed > 0.4
+    first.database.close()
+    second = make_cell(path=path)  # whose jack has not been measured yet
+    second.tick(2)
+    again = second.motion.footprint
+    assert again is not None and np.array_equal(again.polygon, carrying.polygon)
+    second.jack = Jack(stamp=0, state="hold", progress=0.0, weight=0.0)
+    second.tick()
+    assert second.motion.footprint is not None and second.motion.footprint.inscribed == pytest.approx(0.23)
