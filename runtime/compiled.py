@@ -29,6 +29,12 @@ def compiled(function: F) -> F:
     return _compiled(function)
 
 
+def compiled_nogil(function: F) -> F:
+    """As ``compiled``, and it releases the interpreter while it runs: for what takes milliseconds in a worker thread,
+    so that the control loop's thread goes on meanwhile. Its arguments must not change until it returns."""
+    return _compiled(function, nogil=True)
+
+
 def inlined(function: F) -> F:
     """As ``compiled``, and copied into each compiled function that calls it: for small functions in inner loops.
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, Literal, TypeVar
 
-from rackhand.schemas import chassis, maps, motion, moves, service, world
+from rackhand.schemas import chassis, maps, motion, moves, parameters, service, world
 from rackhand.schemas import websocket as ws
 from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.service import WORLD
@@ -176,6 +176,9 @@ MOVES = Query("moves/command", "rackhand/{robot}/moves/command", "chassis", move
 CHASSIS_REQUEST = Query("chassis/request", "rackhand/{robot}/chassis/request", "chassis", chassis.ChassisRequest,
                         chassis.Done, "planner", ("gateway", "node"),
                         "jack, control mode, emergency stop, remote twist, set pose")
+CHASSIS_PARAMETERS = Query("chassis/parameters", "rackhand/{robot}/chassis/parameters", "chassis",
+                           parameters.ParametersRequest, parameters.ParametersReply, "planner", ("gateway", "node"),
+                           "parameters that a chassis drives with: read, change")
 MAPS = Query("maps", "rackhand/{robot}/maps", "chassis", maps.MapRequest, maps.MapReply, "planner",
              ("gateway", "node"), "the robot's map store and the choice of the current map")
 MOTION = Query("motion/command", "rackhand/{robot}/motion/command", "arm", motion.CrfCall, motion.CrfAnswer,

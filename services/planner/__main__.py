@@ -52,7 +52,7 @@ def main(
         ),
     ] = None,
     store: Annotated[
-        Path | None, typer.Option(help="SQLite file of moves and maps  [default: var/ROBOT/planner.sqlite]")
+        Path | None, typer.Option(help="SQLite file of moves, maps and parameters  [default: var/ROBOT/planner.sqlite]")
     ] = None,
     history: Annotated[int, typer.Option(min=1, help="how many moves are kept")] = HISTORY_LIMIT,
     max_forward_velocity: Annotated[
@@ -81,7 +81,7 @@ def main(
             _prepare(kept, map_directory)
             log.info("loading compiled code; the first start compiles it, which takes minutes")
             warm_up(navigation)
-            chassis = Chassis(Motion(navigation, planning), kept.moves, kept.maps, settings, kept.load)
+            chassis = Chassis(Motion(navigation, planning), kept.moves, kept.maps, kept.parameters, settings, kept.load)
             with Bus(ServiceId("planner", robot)) as bus:
                 bus.handle_signals()
                 freeze_gc()

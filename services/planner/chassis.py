@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass, field, replace
 
-from rackhand.schemas.base import NANOSECONDS, Message, Pose2
+from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.chassis import (
     ChassisCommand,
     ChassisModel,
@@ -46,7 +46,8 @@ from rackhand.services.planner.map.service import MapService
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteSettings
 from rackhand.services.planner.motion import Motion
-from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
+from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords, target_of
+from rackhand.services.planner.parameters import ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.reports import Publication, Reports
 
@@ -73,6 +74,7 @@ class Chassis:
         motion: Motion,
         moves: MoveRecords,
         maps: MapStore,
+        parameters: ParameterStore,
         settings: ChassisSettings | None = None,
         load: LoadRecord | None = None,
     ) -> None:
@@ -81,15 +83,15 @@ class Chassis:
         self._motion = motion
         self._book = MoveBook(moves)
         self._maps = MapService(maps, motion)
+        self.parameters = ParameterService(parameters, motion)
         self._modes = Modes(self._settings.remote.twist_life_ns)
         self._jack = JackOrders()
         self._load = load or UnkeptLoad()
         motion.load = self._load.load
         self._state = ChassisState()
         self._reports = Reports()
-        self._status = Status()
-        self._distance = 0.0
-        self._target = None if self._book.last is None else _requested(self._book.last)
+        self._status, self._distance = Status(), 0.0
+        self._target = None if self._book.last is None else target_of(self._book.last)
         self._commanded = STANDSTILL
         self._unix_ns: int | None = None
         self._stamp = 0
@@ -109,6 +111,7 @@ class Chassis:
         """A measurement of the driver or the localiser."""
         if isinstance(message, ChassisModel) and not self._is_known(message):
             self._motion.set_model(message)
+            self.parameters.apply()
         self._state.take(message)
         match message:
             case Contacts(emergency_stop_button=pressed):
@@ -140,7 +143,8 @@ class Chassis:
         self._report()
 
     def store_failed(self, move_id: int | None, maps_undone: bool, why: str) -> None:
-        """A change could not be written: a move that is not on disk ends, maps are again as they are on disk."""
+        """A change could not be written: a move that is not on disk ends, all else is again as it is on disk."""
+        self.parameters.apply()
         if move_id is not None and self._book.current is not None and self._book.current.id == move_id:
             self._fail(MoveFailReason.INTERNAL_ERROR, f"the move could not be stored: {why}")
         if maps_undone:
@@ -216,8 +220,9 @@ class Chassis:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, self._maps.trouble)
         if self._maps.current is None:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, "no map is in use; select one first")
-        if self._modes.emergency_stop:
-            move.hold("the emergency stop is on")
+        stop = "the emergency stop is on" if self._modes.emergency_stop else self._motion.settings.control.standstill()
+        if stop is not None:
+            move.hold(stop)
         elif (direction := self._jacking()) is not None:
             move.hold_for_jack(direction)
         elif (trouble := self._trouble()) is not None:
@@ -283,7 +288,7 @@ class Chassis:
             raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is moving {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
         self._motion.begin(wanted)
-        self._status, self._distance, self._target = Status(), 0.0, _requested(wanted)
+        self._status, self._distance, self._target = Status(), 0.0, target_of(wanted)
         if replaced is not None:
             self._reports.event(self._stamp, replaced.id, "replaced", f"replaced by move {move.id}")
         self._reports.event(self._stamp, move.id, "created", move.type)
@@ -400,10 +405,3 @@ class Chassis:
             stuck_state=self._status.stuck_state,
             viewport_blocked=self._status.viewport_blocked,
         )
-
-
-def _requested(request: MoveCreate) -> Pose2 | None:
-    """The target as requested, until the behaviour knows better."""
-    if request.target_x is None or request.target_y is None:
-        return None
-    return Pose2(x=request.target_x, y=request.target_y, yaw=request.target_ori or 0.0)

@@ -61,6 +61,7 @@ class PlannerService:
             else:
                 self._loop.measure(topic, chassis.on_message, triggers=topic is topics.ODOMETRY)
         self._serve(topics.MOVES, chassis.moves)
+        self._serve(topics.CHASSIS_PARAMETERS, chassis.parameters.answer)
         self._serve(topics.MAPS, chassis.maps)
         self._serve(topics.CHASSIS_REQUEST, chassis.chassis)
         self._publishers: dict[str, Any] = {topic.name: bus.publisher(topic, robot) for topic in PUBLICATIONS}

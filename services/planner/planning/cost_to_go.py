@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.runtime.compiled import compiled
+from rackhand.runtime.compiled import compiled_nogil
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.planning.field import Field
 from rackhand.services.planner.planning.heap import grown, pop, push
@@ -14,7 +14,7 @@ from rackhand.services.planner.planning.inflation import Inflation, inflation_co
 DIAGONAL = 1.4142135623730951
 
 
-@compiled
+@compiled_nogil
 def cost_to_go(
     grid: DistanceGrid, goal_row: int, goal_column: int, inflation: Inflation, max_expansions: int
 ) -> tuple[Field, NDArray[np.int32], int]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.runtime.compiled import compiled, inlined
+from rackhand.runtime.compiled import compiled, compiled_nogil, inlined
 from rackhand.services.planner.geometry.cells import Geometry
 
 Field = NDArray[np.float32]
@@ -16,7 +16,7 @@ Mask = NDArray[np.bool_]
 FAR = 1e6
 
 
-@compiled
+@compiled_nogil
 def distance_field(blocked: Mask, resolution: float) -> Field:
     """Metres from each cell's centre to the nearest blocked cell's centre (0 in blocked ones, FAR if there is none).
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.runtime.compiled import compiled, inlined
+from rackhand.runtime.compiled import compiled, compiled_nogil, inlined
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
 from rackhand.services.planner.planning.distance_grid import DistanceGrid, clearance, turn_clearance
@@ -197,7 +197,7 @@ def _begin(problem: Problem, memory: Memory) -> int:
     return size
 
 
-@compiled
+@compiled_nogil
 def _expand(problem: Problem, memory: Memory, size: int, expanded: int, until: int) -> tuple[int, int, int, int, float]:
     """A* from the state of the memory. Returns outcome, heap size, states expanded, the last state, its direction."""
     # Taken out of the tuples once: in a loop that costs reference counts.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.runtime.compiled import compiled
+from rackhand.runtime.compiled import compiled, compiled_nogil
 from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.planning.field import sample
@@ -55,7 +55,7 @@ def line_cost(grid: DistanceGrid, inflation: Inflation, a: Array, b: Array) -> f
     return total / (n + 1) * length
 
 
-@compiled
+@compiled_nogil
 def pull_tight(grid: DistanceGrid, inflation: Inflation, points: Array) -> Array:
     """Corners (m, 2) of a shorter polyline: straight lines that cost no more than the part of the chain they
     replace."""
@@ -119,7 +119,7 @@ def resample(corners: Array, spacing: float) -> Array:
     return points
 
 
-@compiled
+@compiled_nogil
 def smooth(grid: DistanceGrid, points: Array, wanted: float, rounds: int) -> Array:
     """An elastic band (Quinlan & Khatib 1993): each inner point is drawn to the middle of its neighbours, and up the
     distance field where it is less than ``wanted`` metres from a blocked cell's centre.
