@@ -44,7 +44,7 @@ Event = Sample | Request[Any, Any] | Presence | Posted
 
 
 class _Source:
-    """One subscription's unread items. A token in the inbox's queue stands for each of them.
+    """One subscription's unread items. The inbox's queue has one token for each of them.
 
     ``low_priority``: it is read when nothing else waits.
     """
@@ -171,7 +171,7 @@ class Inbox:
 
         def decode(change: tuple[str, bool]) -> Event | None:
             key, alive = change
-            if self._alive.get(key, False) == alive:  # a token may be told twice
+            if self._alive.get(key, False) == alive:  # a token may be reported twice
                 return None
             self._alive[key] = alive
             return Presence(ServiceId.from_key(key), alive)
@@ -200,12 +200,12 @@ class Inbox:
                 return event
         return None
 
-    def _read(self, told: _Source) -> Event | None:
-        """What is to be read next; ``told`` is whose token has come. Any token will do for any item, so that there are
-        as many of them as of items, whatever the order."""
-        if told.low_priority:
-            self._passed.append(told)
-        urgent = told if told.items and not told.low_priority else self._urgent()
+    def _read(self, source: _Source) -> Event | None:
+        """The next item; ``source`` is the one of the token read. A token is valid for any item: there are as many of
+        them as of items, whatever the order."""
+        if source.low_priority:
+            self._passed.append(source)
+        urgent = source if source.items and not source.low_priority else self._urgent()
         if urgent is None or (self._passed and self._overtakes >= MAX_OVERTAKES):
             source, self._overtakes = self._passed.popleft(), 0
         else:

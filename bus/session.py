@@ -34,7 +34,7 @@ _REFUSAL = codec_for(Refusal)
 _PRIORITY = dict.fromkeys(Qos, zenoh.Priority.DATA) | {Qos.COMMAND: zenoh.Priority.DATA_HIGH}
 
 
-# Zenoh tells a late joiner's copy from the live one by sequence numbers, or else by timestamps, which are off here.
+# Zenoh distinguishes a late joiner's copy from the live one by sequence numbers, or else by timestamps, which are off here.
 _NUMBERED = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)
 
 

@@ -90,7 +90,7 @@ def hall_scan(stamp: int, pose: Pose2) -> chassis.Scan:
 
 
 class Driver:
-    """Publishes what the chassis measures, each topic at its rate, and odometry last of what belongs to one instant."""
+    """Publishes what the chassis measures, each topic at its rate, and odometry last of those with one stamp."""
 
     def __init__(self, bus: Bus, robot: str) -> None:
         self.wheels, self._steps = Wheels(), 0

@@ -109,7 +109,7 @@ class ControlLoop(Generic[C]):
     # -- registration ------------------------------------------------------------------------------------------------
 
     def measure(self, topic: Topic[Any], take: Callable[[Any], None], triggers: bool = False) -> None:
-        """Give each measurement of a topic to ``take``. One of a topic that ``triggers`` asks for a command."""
+        """Give each measurement of a topic to ``take``. Those of a topic that ``triggers`` are answered with a command."""
         from_driver = topic.publisher == DRIVER
 
         def measured(_robot: str, message: Any) -> None:
@@ -121,7 +121,7 @@ class ControlLoop(Generic[C]):
         self.inbox.on(topic, measured, self._robot)
 
     def on(self, topic: Topic[M], take: Callable[[M], None]) -> None:
-        """Give each message of a topic that belongs to no instant to ``take``."""
+        """Give each message of a topic without measurements to ``take``."""
         self.inbox.on(topic, lambda _robot, message: take(message), self._robot)
 
     def on_request(

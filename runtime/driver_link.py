@@ -20,7 +20,7 @@ class DriverLink:
     is given proportionally longer. In lockstep the world waits for its participants for as long as they take, and the
     run must not depend on the machine's clock: there, only the token counts.
 
-    Stamps of one topic never run backwards within a run, so one that does tells of a new run even before the clock.
+    Stamps of one topic never run backwards within a run, so one that does shows a new run even before the clock.
     """
 
     def __init__(self, driver: str, period_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""What a chassis measures, is told, and answers. The driver interface of a real robot, and of the simulator."""
+"""Measurements, commands and requests of a chassis: the driver interface of a real robot, and of the simulator."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NonNegative = Annotated[float, Field(ge=0)]
 class Odometry(Message):
     """Wheel odometry: pose in the odometry frame, body twist, wheel speeds in rad/s (left, right).
 
-    Published last of all that the driver measures at one instant: whoever has it has the rest too.
+    Published last of the measurements of a control step: a subscriber that has it has the others too.
     """
 
     stamp: Stamp
@@ -88,7 +88,7 @@ class LocalisedPose(Message):
 
 
 class ChassisCommand(Message):
-    """What the planner tells the driver. ``answers`` is the stamp of the odometry it was computed from."""
+    """Command of the planner to the driver. ``answers`` is the stamp of the odometry it was computed from."""
 
     answers: Stamp
     twist: Twist2
@@ -245,6 +245,6 @@ class ChassisRequest(Message):
 
 
 class Done(Message):
-    """The answer to a request that has nothing more to tell."""
+    """The answer to a request that returns no data."""
 
     detail: str = ""

@@ -92,7 +92,7 @@ class MoveFailReason(IntEnum):
 
     @property
     def text(self) -> str:
-        """The Chinese text that stands behind the name in ``fail_reason_str``."""
+        """The Chinese text after the name in ``fail_reason_str``."""
         return _TEXTS[self]
 
     @property
@@ -102,7 +102,7 @@ class MoveFailReason(IntEnum):
 
     @property
     def topic_string(self) -> str:
-        """``fail_reason_str`` as ``/planning_state`` tells it."""
+        """``fail_reason_str`` as in ``/planning_state``."""
         return "none" if self is MoveFailReason.NONE else f"MoveFailReason::{self.rest_name}"
 
 

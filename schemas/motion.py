@@ -360,7 +360,7 @@ class ArmCommand(Message):
 
 
 class ArmModel(Message):
-    """Which arm it is, and where its base frame stands in the map: metres and a quaternion."""
+    """Which arm it is, and the pose of its base frame in the map: metres and a quaternion."""
 
     kind: str
     position: Vec3
@@ -380,7 +380,7 @@ class MotionPath(Message):
 
 
 class MotionDiagnostics(Message):
-    """How well the loop does. Errors are of what is measured against what was commanded for that instant.
+    """How well the loop does. Errors are measured minus commanded values of the same stamp.
 
     ``target_position`` and ``target_orientation``: the tool as commanded, in the base frame. Durations are the longest
     since the last message, in µs of the machine's time; ``late_ticks`` counts since the controller began.

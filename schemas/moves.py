@@ -36,7 +36,7 @@ Name = Annotated[str, Field(max_length=1000)]
 
 
 class MoveCreate(Message):
-    """A move as a client asks for it. Metres, radians, map frame; ``none`` behaves like ``standard``. ``properties``
+    """A move as a client requests it. Metres, radians, map frame; ``none`` behaves like ``standard``. ``properties``
     are stored and returned as sent.
     """
 

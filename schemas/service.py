@@ -1,4 +1,4 @@
-"""Who is there: liveliness tokens of services, and how well each hears."""
+"""Liveliness tokens of services, and counts of what each has received and lost."""
 
 from __future__ import annotations
 

@@ -130,7 +130,7 @@ class BatteryKind(Data):
 
 
 class ChassisProfile(Data):
-    """One chassis, whole: what its driver publishes of it, and what only physics asks for."""
+    """One chassis, whole: what its driver publishes of it, and what only the physics needs."""
 
     name: str
     body: ChassisBody

@@ -25,14 +25,14 @@ from rackhand.worlds.data import (
     worlds_folders,
 )
 
-# The chassis' drivers work at instants of 20 ms, those of arms at instants of 2 ms and their servos at 1 kHz.
+# The chassis' drivers work in control steps of 20 ms, those of arms in control steps of 2 ms and their servos at 1 kHz.
 CONTROL_STEP_NS = 20_000_000
 ARM_INSTANT_NS = 2_000_000
 ARM_TIMESTEP = 0.001
 
 
 class Static(Data):
-    """Something that never moves. ``mapped``: the map shows it (where it stands in the lidar's plane)."""
+    """Something that never moves. ``mapped``: the map shows it (its cut with the lidar's plane)."""
 
     mapped: bool = True
     colour: tuple[float, float, float] = (0.6, 0.6, 0.62)
@@ -153,7 +153,7 @@ class Mover(Data):
 
 
 class Obstacle(Data):
-    """A box l×w×h or a cylinder r×h that stands about and is on no map."""
+    """A box l×w×h or a cylinder r×h that is on no map."""
 
     kind: Literal["box", "cylinder"] = "box"
     pose: PoseTuple
@@ -169,8 +169,8 @@ class RobotPlace(Data):
 
 
 class ArmPlace(Data):
-    """An arm of the world: its kind, where its base frame stands, and how high above the floor (``mount``). What it
-    stands on is one of the statics. ``home``: joint positions it begins with, those of its kind if not given.
+    """An arm of the world: its kind, the pose of its base frame, and how high above the floor (``mount``). What it
+    is mounted on is one of the statics. ``home``: joint positions it begins with, those of its kind if not given.
     """
 
     kind: str
@@ -189,7 +189,7 @@ class MapSettings(Data):
 
 
 class Task(Data):
-    """What a benchmark world asks for: reach ``goal`` within ``radius`` and ``timeout``."""
+    """The task of a benchmark world: reach ``goal`` within ``radius`` and ``timeout``."""
 
     goal: Point
     radius: Positive
@@ -234,18 +234,16 @@ class World(Data):
             raise ValueError("robots: a world needs at least one robot or arm")
         self._check_names()
         self._check_items()
-        instant = self.control_step_ns * 1e-9
-        if not math.isclose(steps := instant / self.timestep, round(steps), rel_tol=1e-9):
-            raise ValueError(
-                f"timestep {self.timestep}: a control step of {instant:g} s must be a whole number of steps"
-            )
+        step = self.control_step_ns * 1e-9
+        if not math.isclose(steps := step / self.timestep, round(steps), rel_tol=1e-9):
+            raise ValueError(f"timestep {self.timestep}: a control step of {step:g} s must be a whole number of steps")
         if self.arms and self.timestep > ARM_TIMESTEP:
             raise ValueError(f"timestep {self.timestep}: the servo of an arm needs {ARM_TIMESTEP} or less")
         return self
 
     @property
     def control_step_ns(self) -> int:
-        """How long a control instant is: time stands between two of them, and all commands are taken there."""
+        """Duration of a control step, in nanoseconds. Commands take effect at the start of a step."""
         return ARM_INSTANT_NS if self.arms else CONTROL_STEP_NS
 
     def underside(self, item: Item) -> float:

@@ -18,7 +18,7 @@ _NAME = re.compile(r"[A-Za-z0-9_-]{1,60}")
 class Settings(BaseSettings):
     """Each field may come from the environment as ``RACKHAND_GATEWAY_<FIELD>``.
 
-    ``name`` tells several gateways on one bus apart. ``robots`` are the chassis it serves; the first is the default,
+    ``name`` distinguishes several gateways on one bus. ``robots`` are the chassis it serves; the first is the default,
     whose API has no prefix. ``expect`` names the services (``robot/service``) without which the cell is not up.
     ``secret``, when set, is required in every request's ``Secret`` header. ``service_status`` is the status of a
     service that was executed: the documentation says 201, clients in the field test for 200. ``rates`` are the most

@@ -32,7 +32,7 @@ _HEADER = """\
 // Access control of a cell, for the router's Zenoh configuration. Generated from schemas/topics.py by `make docs`.
 // A process is known by the common name of its certificate (mutual TLS) or by its user name. Services must connect to
 // the router as clients: peers that reach each other directly are not checked by it.
-// `*` stands for every robot; put a name in its place to keep a service to one robot.
+// `*` matches every robot; replace it by a name to restrict a service to one robot.
 """
 
 

@@ -1,4 +1,4 @@
-"""Brings a whole cell up: checks what can be checked before, supervises, tells when it is ready and what is where."""
+"""Starts a whole cell: checks the options, supervises, reports when it is ready and its addresses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rackhand.worlds.data import WorldFileError
 
 CELL_FILE = "cell.json"
 MAX_PORT = 65535
-SLOW_START = 30.0  # seconds after which a cell that is not ready yet is told of
+SLOW_START = 30.0  # seconds after which a cell that is not ready yet is reported
 
 
 class CannotStart(Exception):
@@ -48,7 +48,7 @@ def run_cell(options: CellOptions) -> int:
             processes,
             os.environ,
             watch=lambda running: _announce(running, options, blind),
-            on_change=lambda pids: state.tell(options, pids),
+            on_change=lambda pids: state.write(options, pids),
         )
         return asyncio.run(supervisor.run())
 
@@ -90,7 +90,7 @@ def check_ports(processes: Sequence[Process]) -> None:
 
 
 class StateFolder:
-    """The folder that holds a cell's state, locked to one cell; ``cell.json`` in it tells ports and pids."""
+    """The folder that holds a cell's state, locked to one cell; ``cell.json`` in it has ports and pids."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -115,7 +115,7 @@ class StateFolder:
             (self._path / CELL_FILE).unlink()
         os.close(self._lock)
 
-    def tell(self, options: CellOptions, pids: dict[str, int]) -> None:
+    def write(self, options: CellOptions, pids: dict[str, int]) -> None:
         """Written whole or not at all: a reader never sees half of it."""
         crf = {arm: str(address) for arm, address in options.crf.items()}
         facts = {"http": options.http.url, "bus": options.bus.endpoint, **({"crf": crf} if crf else {}), "pids": pids}
@@ -127,7 +127,7 @@ class StateFolder:
 
 
 async def _announce(running: Supervisor, options: CellOptions, blind: str) -> None:
-    """Wait until every service is up, then tell where things are. Tells once what is missing if that takes long."""
+    """Wait until every service is up, then print the addresses. While that takes long, print what is missing."""
     if blind:
         running.say(blind)
     begun = time.monotonic()

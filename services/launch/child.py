@@ -1,4 +1,4 @@
-"""One running process of the cell: started in a group of its own, heard line by line, ended for certain."""
+"""One running process of the cell: started in its own process group, read line by line, ended for certain."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Child:
 
     @classmethod
     async def start(cls, spec: Process, environment: Mapping[str, str], write: Callable[[str], None]) -> Child:
-        # A pipe of our own: asyncio's would not tell that the process ended while a child of it holds the other end.
+        # A pipe of our own: asyncio's would not report that the process ended while a child of it holds the other end.
         read_end, write_end = os.pipe()
         try:
             process = await asyncio.create_subprocess_exec(

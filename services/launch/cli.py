@@ -238,7 +238,7 @@ def world(context: typer.Context) -> None:
 
 
 def _known(state_dir: Path, fact: str) -> str | None:
-    """What the cell that runs on this state folder tells of itself, if one does."""
+    """``cell.json`` of the cell that runs on this state folder, if one does."""
     try:
         return str(json.loads((state_dir / CELL_FILE).read_text())[fact])
     except (OSError, ValueError, KeyError):

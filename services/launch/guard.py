@@ -19,7 +19,7 @@ def main() -> None:
     parent, command = int(sys.argv[1]), sys.argv[2:]
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # it died before the wish was told
+        if os.getppid() != parent:  # it died before the request took effect
             raise SystemExit(1)
     try:
         os.execvp(command[0], command)

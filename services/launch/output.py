@@ -34,7 +34,7 @@ class Output:
 async def copy_lines(stream: asyncio.StreamReader, write: Callable[[str], None]) -> None:
     """Hand each line of ``stream`` to ``write`` until it ends; bytes that are not UTF-8 are shown as such.
 
-    A line longer than ``LONGEST_LINE`` is cut into several: a child that never ends a line is still heard.
+    A line longer than ``LONGEST_LINE`` is cut into several: a child that never ends a line is still printed.
     """
     decoder = codecs.getincrementaldecoder("utf-8")("backslashreplace")
     rest = ""

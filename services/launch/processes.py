@@ -55,7 +55,7 @@ class Process:
 
 @dataclass(frozen=True)
 class CellOptions:
-    """What ``rackhand up`` can be told. ``speed`` None is as fast as possible; ``world`` is a name or a folder.
+    """The options of ``rackhand up``. ``speed`` None is as fast as possible; ``world`` is a name or a folder.
 
     ``seed`` and ``profile`` are the world's own where None. ``crf_port`` is for CRF's packet framing to the first arm,
     the next ports are for the next arms; where each arm listens in the end is in ``crf``. ``viewer`` is where the live

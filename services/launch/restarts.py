@@ -13,8 +13,8 @@ HOPELESS_CODES = frozenset({2, 126, 127})
 class RestartPolicy:
     """Wait ``first_delay`` before the first restart, twice as long before each next one, never over ``longest_delay``.
 
-    A process that ran for ``healthy_after`` seconds begins anew. One that never did and has ended ``attempts`` times
-    is given up: it cannot start. All in seconds.
+    After ``healthy_after`` seconds of running, the count starts again. A process that never ran that long and has ended
+    ``attempts`` times is given up: it cannot start. All in seconds.
     """
 
     first_delay: float = 0.5

@@ -1,4 +1,4 @@
-"""Starts the processes of a cell, starts again what ends, and ends them all together."""
+"""Starts the processes of a cell, restarts those that end, and stops them all together."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rackhand.services.launch.restarts import GiveUp, History, RestartPolicy, af
 
 SELF = "launch"
 GRACE = 5.0  # seconds between "please end" and the kill
-IMPATIENT = 1.0  # a second signal within this many seconds is the same one, told to a group and to its leader
+IMPATIENT = 1.0  # a second signal within this many seconds is the same one, sent to a group and to its leader
 
 Watch = Callable[["Supervisor"], Coroutine[Any, Any, None]]
 
@@ -117,7 +117,7 @@ class Supervisor:
         child = await Child.start(process, self._environment, lambda line: self._output.line(process.name, line))
         self._children[process.name] = child
         self._on_change({name: each.pid for name, each in self._children.items()})
-        if self._stop.is_set():  # asked for while it was being started: it is not among those who were told
+        if self._stop.is_set():  # asked for while it was being started: it has not got the signal yet
             child.signal(signal.SIGTERM)
         opening = asyncio.create_task(self._mark_started(process))
         try:

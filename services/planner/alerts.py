@@ -37,7 +37,7 @@ def active_alerts(
 def _position(sensed: ChassisState, moving: bool) -> list[Alert]:
     if sensed.odometry is None:
         return []
-    if sensed.pose_trouble() is not None:  # whose text has an age in it; a row stays the same while it stands
+    if sensed.pose_trouble() is not None:  # whose text has an age in it; a row does not change while it is active
         during = [_alert(NO_POSITION_DURING_MOVE, "no position during a move")] if moving else []
         return [*during, _alert(POSITION_LOST, "the position is lost")]
     if sensed.pose is not None and QUALITY_LOST < sensed.pose.quality <= POOR_QUALITY:

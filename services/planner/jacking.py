@@ -21,7 +21,7 @@ class _Order:
 
 
 class JackOrders:
-    """Turns a request into jack commands. A jack that does not arrive in time is left where it is, and told about."""
+    """Turns a request into jack commands. A jack that does not arrive in time is left where it is, and reported."""
 
     def __init__(self) -> None:
         self._order: _Order | None = None

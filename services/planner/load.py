@@ -1,4 +1,4 @@
-"""What the chassis carries or is connected to. Kept across restarts, because no sensor tells it all at once:
+"""What the chassis carries or is connected to. Kept across restarts, because no single sensor measures it:
 the footprint, and later the undocking before the next move, derive from it."""
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Load(BaseModel):
 
 @dataclass(frozen=True)
 class Measured:
-    """What tells of the load. ``pose``: in the map, None while unknown."""
+    """Measurements from which the load is derived. ``pose``: in the map, None while unknown."""
 
     state: ChassisState
     pose: Pose | None
@@ -65,7 +65,7 @@ class Measured:
 
 
 def next_load(load: Load, now: Measured, default_rack: Array) -> Load:
-    """The load after this instant; the same object where nothing changed.
+    """The load after this tick; the same object where nothing changed.
 
     ``default_rack``: outline in the chassis frame of a rack that is lifted without having been measured before.
     """

@@ -1,4 +1,4 @@
-"""Free-form fields that are kept and echoed as JSON: what msgpack can carry beyond it is told apart here."""
+"""Free-form fields that are kept and echoed as JSON: what only msgpack can encode is refused here."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ _LEVELS: dict[str, Level] = {"controlLost": "WARN", "stopped": "ERROR", "heartbe
 
 
 @dataclass(frozen=True)
-class Stand:
+class ArmMount:
     """Where an arm's base is in the map, and where its tool was first, in the frame of the base."""
 
     position: Vec3 = (0.0, 0.0, 0.0)
@@ -61,7 +61,7 @@ class ArmView:
         self.robot = robot
         self._trail = Trail(TRAIL_STEP, TRAIL_POINTS)
         self._status: MotionStatus | None = None
-        self.stand = Stand()
+        self.mount = ArmMount()
 
     def _at(self, name: str) -> str:
         return f"{self.robot}/{name}"
@@ -83,7 +83,7 @@ class ArmView:
             yield curves(self._at(f"joints/{entity}"), names, colours.SERIES)
 
     def model(self, model: ArmModel) -> Iterable[Item]:
-        self.stand = replace(self.stand, position=model.position, orientation=model.orientation)
+        self.mount = replace(self.mount, position=model.position, orientation=model.orientation)
         yield Pose(self._frame("mount"), model.position, model.orientation)
 
     def status(self, status: MotionStatus) -> Iterable[Item]:
@@ -98,7 +98,7 @@ class ArmView:
     def _tool(self, pose: TaskPose) -> Iterable[Item]:
         position: Vec3 = pose.position
         if not len(self._trail):
-            self.stand = replace(self.stand, tool=position)
+            self.mount = replace(self.mount, tool=position)
         yield Pose(self._frame("tool"), position, quaternion(pose.orientation.rotation()), parent=self._frame("mount"))
         if self._trail.add(position):
             trail = line(self._trail.points, colours.TRAIL, 2.0)
@@ -117,15 +117,17 @@ class ArmView:
         if status.stopped_by and (before is None or status.stopped_by != before.stopped_by):
             yield self._note(f"stopped by {_short(status.stopped_by)}", "ERROR")
 
-    def diagnostics(self, told: MotionDiagnostics) -> Iterable[Item]:
-        yield Pose(self._frame("target"), told.target_position, told.target_orientation, parent=self._frame("mount"))
-        yield Row(self._at("joints/error"), told.joint_errors)
-        yield Row(self._at("error/linear"), (1e3 * told.linear_error,))
-        yield Row(self._at("error/angular"), (1e3 * told.angular_error,))
-        yield Row(self._at("loop/tick"), (told.tick_us,))
-        yield Row(self._at("loop/solver"), (told.solver_us,))
-        yield Row(self._at("counts/iterations"), (float(told.solver_iterations),))
-        yield Row(self._at("counts/late_ticks"), (float(told.late_ticks),))
+    def diagnostics(self, message: MotionDiagnostics) -> Iterable[Item]:
+        yield Pose(
+            self._frame("target"), message.target_position, message.target_orientation, parent=self._frame("mount")
+        )
+        yield Row(self._at("joints/error"), message.joint_errors)
+        yield Row(self._at("error/linear"), (1e3 * message.linear_error,))
+        yield Row(self._at("error/angular"), (1e3 * message.angular_error,))
+        yield Row(self._at("loop/tick"), (message.tick_us,))
+        yield Row(self._at("loop/solver"), (message.solver_us,))
+        yield Row(self._at("counts/iterations"), (float(message.solver_iterations),))
+        yield Row(self._at("counts/late_ticks"), (float(message.late_ticks),))
 
     def path(self, path: MotionPath) -> Iterable[Item]:
         ends = path.points[[end for end in path.ends if end < len(path.points)]]

@@ -149,9 +149,9 @@ def _from_above(cast: RobotSet) -> rrb.EyeControls3D:
 
 def _close_up(cast: RobotSet) -> rrb.EyeControls3D:
     """Beside the first arm and in front of its tool; on that side of it where there is more room."""
-    stand = cast.stands[0]
-    turn = rotation_matrices(np.array([stand.orientation]))[0]
-    base, tool = np.array(stand.position), turn @ np.array(stand.tool)
+    mount = cast.mounts[0]
+    turn = rotation_matrices(np.array([mount.orientation]))[0]
+    base, tool = np.array(mount.position), turn @ np.array(mount.tool)
     ahead = np.array([*tool[:2], 0.0]) / max(float(np.hypot(*tool[:2])), 1e-6)
     aside = np.array([-ahead[1], ahead[0], 0.0])
     target = base + 0.35 * ahead + np.array([0.0, 0.0, 0.15])

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from rackhand.schemas.world import Scene, SceneGeom
 from rackhand.services.viewer.items import MAP, Drawing
 
-STILL_BODY = "world"  # of the scene: what stands where the map has it
-FLOOR_MARGIN = 0.5  # m that an endless floor is drawn beyond everything that stands on it
+STILL_BODY = "world"  # of the scene: static objects
+FLOOR_MARGIN = 0.5  # m that an endless floor is drawn beyond everything on it
 FLOOR_THICKNESS = 0.02
 
 Archetype = rr.AsComponents
@@ -41,7 +41,7 @@ def draw(group: Group, geoms: Sequence[SceneGeom]) -> Drawing:
 
 
 def bounds(scene: Scene) -> Bounds | None:
-    """Lowest and highest corner (2, 3) of all that stands still, the floor aside; None where nothing does."""
+    """Lowest and highest corner (2, 3) of all static objects but the floor; None where nothing does."""
     still = [geom for geom in scene.geoms if geom.body == STILL_BODY and geom.shape != "plane"]
     if not still:
         return None
@@ -81,7 +81,7 @@ def _half_extent(geom: SceneGeom) -> tuple[float, float, float]:
 
 
 def _floor(scene: Scene, plane: SceneGeom) -> SceneGeom:
-    """A slab whose top is the plane z = 0, under all that stands still."""
+    """A slab whose top is the plane z = 0, under all static objects."""
     found = bounds(scene)
     low, high = found if found is not None else np.array([[-5.0, -5.0, 0.0], [5.0, 5.0, 0.0]])
     middle, half = (low + high) / 2, (high - low) / 2 + FLOOR_MARGIN
@@ -143,7 +143,7 @@ def _ellipsoids(geoms: Sequence[SceneGeom]) -> Archetype:
     )
 
 
-# A mesh comes without its vertices: its box stands for it.
+# A mesh comes without its vertices: its box is drawn instead.
 _SHAPES: dict[str, Callable[[Sequence[SceneGeom]], Archetype]] = {
     "box": _boxes,
     "mesh": _boxes,

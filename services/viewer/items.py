@@ -43,7 +43,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Row:
-    """One instant of a plot: a number a curve."""
+    """One point in time of a plot: a number per curve."""
 
     entity: str
     values: tuple[float, ...]
@@ -59,7 +59,7 @@ class Note:
 
 
 def told_frame(robot: str, name: str) -> str:
-    """A frame as the robot itself tells it. Bodies of a simulator have names with slashes: none is called so."""
+    """A frame that the robot itself publishes. Bodies of a simulator have names with slashes: none is called so."""
     return f"{robot}:{name}"
 
 

@@ -39,7 +39,7 @@ def _grid(data: MapData) -> rr.GridMap:
 
 
 def _overlays(overlays: Overlays) -> rr.LineStrips3D:
-    """Virtual walls, regions and their names. Points stand for things of the cell and are left out."""
+    """Virtual walls, regions and their names. Points of interest are left out."""
     strips, shades, labels = [], [], []
     for feature in overlays.get("features", ()):
         properties = feature.get("properties") or {}

@@ -1,8 +1,8 @@
 """The page: Rerun's web viewer, opened on this cell, and kept to this cell.
 
-It stands before the web server of Rerun's own, whose page knows no recording unless its address names one, and asks the
-internet for news, examples, a typeface and statistics of use. Here the plain address is enough, and a content security
-policy lets the page talk to nobody but the cell.
+It replaces the page of Rerun's own web server, which needs the recording in its address and connects to the internet
+for news, examples, a web font and usage statistics. Here the plain address is enough, and a content security policy
+lets the page connect to the cell only.
 """
 
 from __future__ import annotations

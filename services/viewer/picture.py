@@ -10,7 +10,7 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import Message
 from rackhand.schemas.scan_points import KNOWN_POSES
 from rackhand.schemas.topics import Qos, Topic, read_by
-from rackhand.services.viewer.arm import ArmView, Stand
+from rackhand.services.viewer.arm import ArmMount, ArmView
 from rackhand.services.viewer.bus_view import BusView
 from rackhand.services.viewer.chassis import ChassisView
 from rackhand.services.viewer.geometry import Bounds
@@ -91,7 +91,7 @@ class RobotSet:
 
     chassis: tuple[str, ...] = ()
     arms: tuple[str, ...] = ()
-    stands: tuple[Stand, ...] = ()
+    mounts: tuple[ArmMount, ...] = ()
     bounds: tuple[tuple[float, ...], ...] | None = None
 
 
@@ -117,7 +117,7 @@ class Picture:
         return RobotSet(
             tuple(sorted(chassis)),
             tuple(sorted(arms)),
-            tuple(view.stand for _, view in sorted(arms.items())),
+            tuple(view.mount for _, view in sorted(arms.items())),
             _rounded(next((world.bounds for world in worlds), None)),
         )
 

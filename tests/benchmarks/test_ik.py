@@ -47,7 +47,7 @@ class Scripted:
         return velocity
 
 
-def test_what_breaks_a_limit_is_told() -> None:
+def test_what_breaks_a_limit_is_reported() -> None:
     arm = ARMS[0]
     course = courses(arm, 0.02)[0]
     still, twice = np.zeros(arm.n), 2 * arm.limits.velocity

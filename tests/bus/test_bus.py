@@ -135,7 +135,7 @@ def test_calls_from_asyncio_run_side_by_side(bus: Bus, peer: subprocess.Popen[by
     asyncio.run(scenario())
 
 
-def test_the_asyncio_stream_hears_what_the_loop_hears(bus: Bus, router: str) -> None:
+def test_the_asyncio_stream_receives_what_the_loop_hears(bus: Bus, router: str) -> None:
     async def scenario() -> list[int]:
         with Bus(ServiceId("gateway", "cell"), BusConfig(connect=router)) as other:
             inbox = other.inbox().subscribe(topics.MAP).subscribe(topics.PLANNING_STATE)
@@ -199,7 +199,7 @@ def test_a_reader_that_sleeps_holds_up_no_other_topic(router: str, bus: Bus) -> 
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-def test_a_death_is_told_and_the_dead_are_unavailable_at_once(
+def test_a_death_is_reported_and_the_dead_are_unavailable_at_once(
     bus: Bus, peer: subprocess.Popen[bytes], how: signal.Signals
 ) -> None:
     inbox = bus.inbox().watch_services()

@@ -326,7 +326,7 @@ def test_a_lost_hold_goes_on_when_its_client_resumes() -> None:
     cell.check_limits()
 
 
-def test_a_driver_that_begins_anew_leaves_no_holder_and_no_motion() -> None:
+def test_a_driver_that_is_reset_leaves_no_holder_and_no_motion() -> None:
     cell = PerfectArm()
     begin(cell, "path")
     cell.advance(0.2)
@@ -528,7 +528,7 @@ def test_the_same_commands_give_the_same_motion() -> None:
     assert np.array_equal(run(), run())
 
 
-def test_the_way_of_the_tool_is_told_when_it_changes() -> None:
+def test_the_way_of_the_tool_is_reported_when_it_changes() -> None:
     cell = PerfectArm()
     cell.controller.poll()
     cell.advance(0.1)

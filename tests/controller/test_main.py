@@ -10,7 +10,7 @@ from rackhand.services.controller.__main__ import app
 
 
 @pytest.mark.parametrize("how", ["option", "environment"])
-def test_a_command_that_cannot_be_left_out_is_told(how: str) -> None:
+def test_a_command_that_cannot_be_left_out_is_reported(how: str) -> None:
     given = ["--without", "softStop"] if how == "option" else []
     environment = {"RACKHAND_CONTROLLER_WITHOUT": "setVelocity softStop"} if how == "environment" else {}
     result = CliRunner().invoke(app, given, env=environment)

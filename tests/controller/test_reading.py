@@ -100,7 +100,7 @@ def test_in_lockstep_the_tick_waits_so_that_runs_are_the_same() -> None:
         assert arm.controller.busy == arm.controller.planning, "nothing is left to be read"
 
 
-def test_one_that_fails_is_told_so_and_takes_nobody_with_it(
+def test_one_that_fails_is_reported_so_and_takes_nobody_with_it(
     arm: PerfectArm, reader: Later, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lost, other = send(arm, "a", **PATH), send(arm, "b", **{**PATH, "priority": 5})

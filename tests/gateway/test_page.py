@@ -72,7 +72,7 @@ def test_the_documentation_comes_whole_from_here(gateway: Gateway) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/docs"])
-def test_browsers_are_told_to_load_nothing_from_elsewhere(gateway: Gateway, path: str) -> None:
+def test_browsers_are_reported_to_load_nothing_from_elsewhere(gateway: Gateway, path: str) -> None:
     policy = gateway.http.get(path, headers=BROWSER).headers["content-security-policy"]
     assert "default-src 'self'" in policy
     assert not re.search(r"https?:|\*|script-src[^;]*unsafe", policy)

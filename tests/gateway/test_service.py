@@ -97,7 +97,7 @@ def answer_moves(inbox: object) -> None:
         (("--port", "70000"), "port: Input should be less than or equal to 65535"),
     ],
 )
-def test_a_wrong_option_is_told_and_nothing_is_started(
+def test_a_wrong_option_is_reported_and_nothing_is_started(
     monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], told: str
 ) -> None:
     monkeypatch.setattr("rackhand.services.gateway.__main__.run", lambda _settings: pytest.fail("it was started"))

@@ -63,7 +63,7 @@ def test_a_bad_speed_is_refused(speed: str) -> None:
     assert "want max, or a factor" in result.output
 
 
-def test_a_world_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_world_that_is_not_there_is_reported(tmp_path: Path) -> None:
     result = cli.invoke(app, ["up", "--world", "atlantis", "--state-dir", str(tmp_path / "var")])
     assert result.exit_code == 1
     assert "'atlantis' is neither a world (empty, pick_station, warehouse) nor a folder" in " ".join(
@@ -160,14 +160,14 @@ def test_crf_ports_go_to_the_arms_in_order(tmp_path: Path) -> None:
     (ROBOTS, "5000", "there is no arm in world"),
     (ARMS, "65535", "2 arms from 65535 on, ports end at 65535"),
 ])  # fmt: skip
-def test_crf_ports_that_cannot_be_are_told(up: list[str], tmp_path: Path, world: str, port: str, told: str) -> None:
+def test_crf_ports_that_cannot_be_are_reported(up: list[str], tmp_path: Path, world: str, port: str, told: str) -> None:
     (tmp_path / "world" / "world.yaml").write_text(world)
     result = cli.invoke(app, [*up, "--crf-port", port, "--state-dir", str(tmp_path / "var")])
     assert result.exit_code == 1
     assert told in result.output
 
 
-def test_a_crf_port_in_use_is_told(up: list[str], tmp_path: Path) -> None:
+def test_a_crf_port_in_use_is_reported(up: list[str], tmp_path: Path) -> None:
     (tmp_path / "world" / "world.yaml").write_text(ARMS)
     with socket.create_server(("127.0.0.1", 0)) as holder:
         port = holder.getsockname()[1]
@@ -195,7 +195,7 @@ def test_a_cell_whose_view_has_no_port_goes_without(tmp_path: Path) -> None:
     assert seeing.viewer_data.port not in (0, taken.port), "data come from any free port"
 
 
-def test_the_live_view_is_told_where_to_listen() -> None:
+def test_the_live_view_is_reported_where_to_listen() -> None:
     viewer = cell_processes(CellOptions(), {})[-1]
     assert viewer.name == "viewer" and viewer.optional
     assert " ".join(viewer.argv).endswith("rackhand.services.viewer --host 127.0.0.1 --web-port 9090 --data-port 9876")
@@ -210,7 +210,7 @@ def test_there_must_be_something_to_view(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("taken", ["--port", "--bus-port"])
-def test_a_port_in_use_is_told_before_anything_starts(tmp_path: Path, up: list[str], taken: str) -> None:
+def test_a_port_in_use_is_reported_before_anything_starts(tmp_path: Path, up: list[str], taken: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as holder:
         port = holder.getsockname()[1]
         result = cli.invoke(app, [*up, taken, str(port), "--state-dir", str(tmp_path / "var")])
@@ -228,7 +228,7 @@ def test_a_state_folder_serves_one_cell(tmp_path: Path, up: list[str]) -> None:
     assert "another cell runs on the state folder" in result.output
 
 
-def test_a_state_folder_that_cannot_be_made_is_told(tmp_path: Path, up: list[str]) -> None:
+def test_a_state_folder_that_cannot_be_made_is_reported(tmp_path: Path, up: list[str]) -> None:
     (tmp_path / "file").write_text("")
     result = cli.invoke(app, [*up, "--state-dir", str(tmp_path / "file" / "var")])
     assert result.exit_code == 1

@@ -19,7 +19,7 @@ def test_delay_doubles_up_to_the_longest() -> None:
     assert delays(ONCE_HEALTHY, [0.1] * 8) == [0.5, 1, 2, 4, 8, 10, 10, 10]
 
 
-def test_a_healthy_run_begins_anew() -> None:
+def test_a_healthy_run_is_reset() -> None:
     assert delays(ONCE_HEALTHY, [0.1, 0.1, 29.9, 30.0, 0.1]) == [0.5, 1, 2, 0.5, 1]
 
 

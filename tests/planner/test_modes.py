@@ -182,7 +182,7 @@ def test_the_jack_waits_until_the_robot_stands(make_cell: Callable[..., Cell]) -
     assert cell.tick(20).jack == "up"
 
 
-def test_a_jack_that_does_not_arrive_is_told(make_cell: Callable[..., Cell]) -> None:
+def test_a_jack_that_does_not_arrive_is_reported(make_cell: Callable[..., Cell]) -> None:
     cell = make_cell(jack=Jack(stamp=0, state="hold", progress=0.2, weight=0.0))
     cell.ask(JackRequest(direction="up"))
     assert cell.tick(2).jack == "up"

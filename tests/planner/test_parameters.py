@@ -160,7 +160,7 @@ def test_remote_driving_obeys_too(cell: Cell) -> None:
         assert cell.twist.linear == pytest.approx(driven)
 
 
-def test_parameters_outlast_a_restart_and_the_defaults_are_told_beside(make_cell: Callable[..., Cell]) -> None:
+def test_parameters_outlast_a_restart_and_the_defaults_are_reported_beside(make_cell: Callable[..., Cell]) -> None:
     first = make_cell()
     defaults_before = get(first).defaults
     put(first, max_forward_velocity=0.25, smooth_level="lower", auto_hold=False)

@@ -110,7 +110,7 @@ def test_an_instant_is_answered_before_what_is_asked_after_it(bus: ListBus, cell
     assert told == [[0]]
 
 
-def test_what_a_request_caused_is_told_before_its_answer(bus: ListBus, cell: Cell) -> None:
+def test_what_a_request_caused_is_reported_before_its_answer(bus: ListBus, cell: Cell) -> None:
     asked = create()
     reply, known = asked.reply, []
     asked.reply = lambda message: (known.append(bus.published(topics.PLANNING_STATE)[-1].move_state), reply(message))[1]  # type: ignore[method-assign]

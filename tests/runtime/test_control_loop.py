@@ -184,7 +184,7 @@ def test_work_beside_the_loop_is_polled_until_it_is_done(core: Core) -> None:
     assert commands(core) == [0]
 
 
-def test_lockstep_is_told_by_the_clock_and_joined_when_the_core_is_ready(core: Core) -> None:
+def test_lockstep_is_reported_by_the_clock_and_joined_when_the_core_is_ready(core: Core) -> None:
     core.ready = False
     run(core, [Presence(ServiceId("sim", "world"), True)], [clock("a"), state(0)])
     assert core.bus.calls == []

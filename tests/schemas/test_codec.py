@@ -110,7 +110,7 @@ def test_another_encoding_type_or_version_is_refused(encoding: str, told: str) -
 
 
 @pytest.mark.parametrize("encoding", ["application/msgpack", "zenoh/bytes", "application/msgpack;chassis.Odometry@1"])
-def test_a_sender_that_says_less_is_heard(encoding: str) -> None:
+def test_a_sender_that_says_less_is_received(encoding: str) -> None:
     codec = codec_for(chassis.Odometry)
     assert codec.loads(codec.dumps(ODOMETRY), encoding) == ODOMETRY
 

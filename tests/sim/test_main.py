@@ -30,7 +30,7 @@ def test_wrong_options_end_with_status_2_and_say_why(arguments: list[str], told:
     assert told in " ".join(result.output.replace("│", " ").split())
 
 
-def test_map_writes_where_it_is_told(tmp_path: Path) -> None:
+def test_map_writes_where_it_is_reported(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["map", "warehouse", "--out", str(tmp_path)])
     assert result.exit_code == 0
     assert (tmp_path / "map.png").read_bytes() == (installed_worlds() / "warehouse" / "map.png").read_bytes()

@@ -156,7 +156,7 @@ def test_the_button_cancels_and_the_stop_holds(cell: Cell, watched: Watched) -> 
     assert newest_move(cell)["state"] == "cancelled"
 
 
-def test_what_is_refused_is_told(cell: Cell, watched: Watched) -> None:
+def test_what_is_refused_is_reported(cell: Cell, watched: Watched) -> None:
     page = watched.page
     page.route("**/chassis/moves", lambda route: route.continue_(post_data='{"type": "standard"}'))
     click_on_map(page, NEAR)

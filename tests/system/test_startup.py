@@ -32,7 +32,7 @@ def rackhand(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
 
 
-def test_every_service_is_up_and_told(cell: Cell) -> None:
+def test_every_service_is_up_and_reported(cell: Cell) -> None:
     answer = httpx.get(f"{cell.http}/healthz")
     assert answer.status_code == 200
     told = {f"{row['robot']}/{row['service']}" for row in answer.json()["services"]}

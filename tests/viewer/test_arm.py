@@ -27,10 +27,10 @@ def test_frames_hang_on_where_the_arm_stands(view: ArmView) -> None:
     assert isinstance(mount, Pose) and (mount.frame, mount.parent) == ("arm1:mount", "map")
     tool = next(item for item in view.status(arm_status(0)) if isinstance(item, Pose))
     assert (tool.frame, tool.parent, tool.position) == ("arm1:tool", "arm1:mount", (0.4, 0.0, 0.5))
-    assert view.stand.position == (3.0, 1.0, 0.6) and view.stand.tool == (0.4, 0.0, 0.5)
+    assert view.mount.position == (3.0, 1.0, 0.6) and view.mount.tool == (0.4, 0.0, 0.5)
 
 
-def test_errors_are_in_millimetres_and_durations_as_told(view: ArmView) -> None:
+def test_errors_are_in_millimetres_and_durations_as_reported(view: ArmView) -> None:
     rows = {item.entity: item.values for item in view.diagnostics(diagnostics(0)) if isinstance(item, Row)}
     assert rows["arm1/error/linear"] == pytest.approx((10.0,))
     assert rows["arm1/loop/tick"] == (200.0,) and rows["arm1/loop/solver"] == (50.0,)
@@ -64,7 +64,7 @@ def test_the_log_tells_who_holds_control_and_who_stopped(view: ArmView) -> None:
 
 
 def test_the_layout_has_a_tab_for_whom_there_is() -> None:
-    everything = RobotSet(("amr1",), ("arm1",), (ArmView("arm1").stand,), EMPTY_HALL)
+    everything = RobotSet(("amr1",), ("arm1",), (ArmView("arm1").mount,), EMPTY_HALL)
     for cast in (everything, RobotSet(), RobotSet(chassis=("amr1", "amr2"))):
         assert blueprint(cast).root_container.contents
     assert {"amr1/scan", "arm1/path", "scene", "tf", "bus/log"} <= set(shown(everything))

@@ -43,7 +43,7 @@ def test_a_scan_is_drawn_at_the_pose_where_it_was_taken(view: ChassisView, scan_
     assert len(points) == 2, "the beam without a return is not drawn"
 
 
-def test_a_robot_is_where_it_believes_to_be(view: ChassisView) -> None:
+def test_a_robot_is_where_it_is_localised(view: ChassisView) -> None:
     pose = next(item for item in view.pose(messages.pose(x=1.0, y=2.0, yaw=math.pi)) if isinstance(item, Pose))
     assert pose.frame == view.frame and pose.parent == "map"
     assert pose.position == (1.0, 2.0, 0.0)

@@ -73,7 +73,7 @@ def test_the_page_may_talk_to_its_cell_only(page: str) -> None:
     assert rules["default-src"] == "'self'"
 
 
-def test_a_dead_server_is_told(page: str, assets: ThreadingHTTPServer) -> None:
+def test_a_dead_server_is_reported(page: str, assets: ThreadingHTTPServer) -> None:
     assets.shutdown()
     assets.server_close()
     assert httpx.get(f"{page}/re_viewer.js", trust_env=False).status_code == 502

@@ -235,7 +235,7 @@ def test_of_a_drawing_that_changed_more_than_once_in_a_frame_the_last_is_drawn(b
     assert stamps_of(bench.file(1), "amr1/path") == [SECOND + 400 * MILLISECOND]
 
 
-def test_services_that_come_and_go_are_told(bench: Bench) -> None:
+def test_services_that_come_and_go_are_reported(bench: Bench) -> None:
     bench.clock(SECOND)
     bench.bus.events.append(Presence(ServiceId("planner", "amr1"), alive=False))
     bench.frame()

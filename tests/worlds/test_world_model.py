@@ -60,7 +60,7 @@ def test_a_world_may_be_given_by_its_folder(tmp_path: Path) -> None:
     assert load_world(write(tmp_path, GOOD)).name == "mine"
 
 
-def test_items_lie_where_the_file_says_and_are_told_of(tmp_path: Path) -> None:
+def test_items_lie_where_the_file_says_and_are_reported_of(tmp_path: Path) -> None:
     simulation = make_simulation(load_world(write(tmp_path, GOOD)))
     coast(simulation, 1.0)
     model, data = simulation.model, simulation.data
@@ -106,14 +106,14 @@ def test_items_lie_where_the_file_says_and_are_told_of(tmp_path: Path) -> None:
         (lambda w: w.pop("bounds"), "bounds: Field required"),
     ],
 )
-def test_a_wrong_world_file_is_told_where_and_what(tmp_path: Path, change: Callable[[Any], Any], told: str) -> None:
+def test_a_wrong_world_file_is_reported_where_and_what(tmp_path: Path, change: Callable[[Any], Any], told: str) -> None:
     with pytest.raises(WorldFileError) as error:
         load_world(write(tmp_path, changed(change)))
     assert told in str(error.value) and str(tmp_path / "world.yaml") in str(error.value)
 
 
 @pytest.mark.parametrize(("text", "told"), [("{", "not YAML"), ("- a", "the file"), ("", "the file")])
-def test_what_is_no_world_at_all_is_told(tmp_path: Path, text: str, told: str) -> None:
+def test_what_is_no_world_at_all_is_reported(tmp_path: Path, text: str, told: str) -> None:
     with pytest.raises(WorldFileError, match=told):
         load_world(write(tmp_path, text))
 
@@ -131,7 +131,7 @@ def test_an_unknown_world_names_those_that_are() -> None:
         ({"movers": {"a": {"motion": {"kind": "walk", "points": [(2, 2), (2, 2)]}}}}, "a walk needs two points"),
     ],
 )
-def test_a_world_that_cannot_stand_is_told(parts: Any, told: str) -> None:
+def test_a_world_that_cannot_stand_is_reported(parts: Any, told: str) -> None:
     with pytest.raises(WorldFileError, match=told):
         make_simulation(make_world(**parts))
 

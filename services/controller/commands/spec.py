@@ -131,5 +131,5 @@ class CommandTable:
         return self._by_model[type(request)]
 
     def named(self, name: str) -> tuple[CommandSpec[Any], ...]:
-        """The rows of this name: none if it is unknown, several where ``type`` tells them apart."""
+        """The rows of this name: none if it is unknown, several where ``type`` distinguishes them."""
         return self._by_name.get(name, ())

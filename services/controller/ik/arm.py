@@ -42,7 +42,7 @@ class ArmLimits:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A sphere that stands for a part of a link: fixed in the frame of joint number ``joint`` (-1 is the base)."""
+    """A sphere that approximates a part of a link: fixed in the frame of joint number ``joint`` (-1 is the base)."""
 
     name: str
     joint: int

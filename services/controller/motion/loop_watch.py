@@ -26,7 +26,7 @@ class LoopWatch:
         self._outlined: tuple[QueuedMotion, ...] | None = None  # the motions of the last path published
 
     def diagnostics(self, state: ArmState, commanded: Array) -> MotionDiagnostics:
-        """Of the tick that answers ``state``, for whose instant the joints ``commanded`` (n,) had been asked."""
+        """Of the tick that answers ``state``, for whose stamp the joint positions ``commanded`` (n,) were sent."""
         motion, q = self._motion, np.array(state.q)
         target = motion.kinematics.forward(commanded)
         error = pose_error(motion.kinematics.forward(q), target)

@@ -50,7 +50,7 @@ class BootProgress(BaseModel):
 
 @router.get("/info", responses=failures(404, 503))
 async def device_info(gateway: Gateway) -> dict[str, Any]:
-    """What this robot is. 503 until its driver has told its body."""
+    """What this robot is. 503 until its driver has published its model."""
     robot = gateway.chassis
     model = gateway.state.facts.newest(topics.CHASSIS_MODEL)
     if model is None:

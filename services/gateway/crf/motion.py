@@ -52,7 +52,7 @@ async def command(arm: str, request: Request, gateway: Gateway, x_client: Client
     """One CRF request as it is; its CRF reply as it is.
 
     The WebSocket `/motion/{arm}/ws` takes the same texts, one a frame, and answers each with one frame. There a
-    connection is the client, and it also hears the events that concern it and the status stream it started, which
+    connection is the client, and it also receives the events that concern it and the status stream it started, which
     HTTP cannot carry. Answers come as they are ready: give requests an `id`. Stops wait for nothing.
     """
     raw = await request.body()

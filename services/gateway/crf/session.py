@@ -83,7 +83,7 @@ class Lane:
 
 
 class Session:
-    """``name`` stands for the client on the bus; nobody can guess it. ``ended`` is set when the client reads too
+    """``name`` is the client's name on the bus; nobody can guess it. ``ended`` is set when the client reads too
     slowly to be kept."""
 
     def __init__(self, ask: Ask) -> None:

@@ -1,7 +1,7 @@
 """CRF's packet framing on TCP (spec motion-controller §1.1): one port an arm, one session a connection.
 
 A connection is the client: when it ends, even by half, what the client held is let go. What is no packet is skipped
-without an answer, as CRF does: nobody can tell who asked for what in it. A packet too long to be read is answered and
+without an answer, as CRF does: its sender and request are unknown. A packet too long to be read is answered and
 ends the connection.
 """
 
@@ -21,7 +21,7 @@ from rackhand.services.gateway.crf.text import MAX_FRAME, NOT_JSON, error_text
 log = get_logger(__name__)
 
 READ = 64 * 1024
-LINGER = 1.0  # seconds in which a client may read the last that it is told
+LINGER = 1.0  # seconds in which a client may read the last answers
 
 
 class CrfPort:

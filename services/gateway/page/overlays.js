@@ -3,7 +3,7 @@ import { FONT, dot, label, stroke, trace } from "./pen.js";
 
 const ROOM_FOR_NAMES = 28; // pixels a metre; below, names would lie on each other
 
-// regionType: its colour, and what it means where a name does not tell.
+// regionType: its colour, and what it means where it has no name.
 const REGIONS = {
   1: ["forbidden", "no entry"], 2: ["slow", "slow"], 3: ["lift", ""], 4: ["lift", "gate"], 5: ["lift", "door"],
   13: ["charger", "charging"], 17: ["rack", ""],

@@ -1,7 +1,7 @@
-// The page: what the WebSocket tells is kept in `known` and shown; clicks become orders.
+// The page: messages of the WebSocket are kept in `known` and shown; clicks become requests.
 import { draw, paintMap } from "./draw.js";
 import { Drive, listenToMap } from "./gestures.js";
-import { at, complain, tell, tellCursor, tellHealth, tellLink, tellMoves, tellRobot } from "./panel.js";
+import { at, complain, showState, showCursor, showHealth, showLink, showMoves, showRobot } from "./panel.js";
 import { View } from "./view.js";
 import { TOPICS, Wire, ask, order } from "./wire.js";
 
@@ -35,11 +35,11 @@ function changed() {
   requestAnimationFrame(() => {
     redraw = false;
     draw(view, known, aim, colours);
-    tell(known);
+    showState(known);
   });
 }
 
-function hear(message) {
+function receive(message) {
   const name = TOPICS[message.topic];
   if (name) {
     const before = known[name];
@@ -89,13 +89,13 @@ async function loadMoves() {
     return;
   }
   known.moves = answer;
-  tellMoves(answer);
+  showMoves(answer);
   changed();
 }
 
 async function loadHealth() {
   const { answer } = await ask("GET", "/healthz").catch(() => ({}));
-  tellHealth(answer?.services ? answer : null);
+  showHealth(answer?.services ? answer : null);
 }
 
 async function command(method, path, body) {
@@ -103,11 +103,11 @@ async function command(method, path, body) {
 }
 
 function link(connected) {
-  tellLink(connected);
+  showLink(connected);
   if (!connected) return;
   for (const name of Object.keys(known)) delete known[name]; // it may be another cell by now
   known.trail = [];
-  ask("GET", "/device/info/brief").then(({ ok, answer }) => ok && tellRobot(answer)).catch(() => {});
+  ask("GET", "/device/info/brief").then(({ ok, answer }) => ok && showRobot(answer)).catch(() => {});
 }
 
 listenToMap(view, {
@@ -117,7 +117,7 @@ listenToMap(view, {
     command("POST", "/chassis/moves", ori === undefined ? move : { ...move, target_ori: ori });
   },
   onView: changed,
-  onHover: tellCursor,
+  onHover: showCursor,
 });
 at("zoom-in").addEventListener("click", () => { view.zoomAtCentre(1.4); changed(); });
 at("zoom-out").addEventListener("click", () => { view.zoomAtCentre(1 / 1.4); changed(); });
@@ -138,7 +138,7 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
 });
 new ResizeObserver(changed).observe(view.canvas);
 
-const wire = new Wire(hear, link);
+const wire = new Wire(receive, link);
 const drive = new Drive(at("pad"), () => known.wheels?.control_mode === "remote", (twist) => wire.send(twist));
 setInterval(loadHealth, HEALTH_PERIOD);
 loadHealth();

@@ -15,16 +15,16 @@ const degrees = (radians) => `${number((radians * 180) / Math.PI, 0)}°`;
 const place = ({ pos, ori }) => `${number(pos[0], 2)}, ${number(pos[1], 2)} m · ${degrees(ori)}`;
 const words = (name) => name.replaceAll("_", " ");
 
-export function tell(known) {
+export function showState(known) {
   const { planning, pose, motion, slam, wheels, jack, battery, alerts } = known;
-  if (planning) tellMove(known);
+  if (planning) showMove(known);
   if (pose) show("pose", place(pose));
   if (motion) show("speed", `${number(motion.linear_velocity, 2)} m/s · ${degrees(motion.angular_velocity)}/s`);
   if (slam) {
     show("slam", `${slam.reliable ? "yes" : "no"} (${slam.position_quality} of 10)`);
     dress("slam", slam.reliable ? "" : "bad");
   }
-  if (wheels) tellWheels(wheels);
+  if (wheels) showWheels(wheels);
   if (jack) show("jack", `${words(jack.state)} · ${number(jack.progress * 100, 0)} % up`);
   if (battery) {
     show("battery", `${number(battery.percentage * 100, 0)} % · ${battery.power_supply_status}`);
@@ -33,7 +33,7 @@ export function tell(known) {
   if (alerts) fill("alerts", alerts.alerts.map(({ code, level, msg }) => row([`${code}: ${msg}`], level)));
 }
 
-function tellMove({ planning, longest, moves }) {
+function showMove({ planning, longest, moves }) {
   const moving = planning.move_state === "moving";
   badge("move-state", planning.move_state, LOOKS[planning.move_state]);
   show("move-id", planning.action_id ? `#${planning.action_id}` : "");
@@ -57,7 +57,7 @@ function reason({ fail_reason, fail_reason_str, fail_message }) {
   return `${fail_reason} ${name}${fail_message ? `: ${fail_message}` : ""}`;
 }
 
-function tellWheels({ control_mode, emergency_stop_pressed: pressed }) {
+function showWheels({ control_mode, emergency_stop_pressed: pressed }) {
   for (const button of at("modes").children) {
     button.classList.toggle("chosen", button.dataset.mode === control_mode);
     button.setAttribute("aria-pressed", button.dataset.mode === control_mode);
@@ -69,19 +69,19 @@ function tellWheels({ control_mode, emergency_stop_pressed: pressed }) {
   show("stop", pressed ? "Release the stop" : "Emergency stop");
 }
 
-export function tellLink(connected) {
+export function showLink(connected) {
   badge("link", connected ? "live" : "no connection", connected ? "good" : "bad");
   document.body.classList.toggle("offline", !connected);
 }
 
-export function tellHealth(health) {
+export function showHealth(health) {
   badge("health", health?.status ?? "unknown", health?.status === "up" ? "good" : "bad");
   if (!health) return;
   fill("services", health.services.map(({ robot, service, status, restarts }) =>
     row([light(status), text(`${robot}/${service}`), small(status + (restarts ? ` · restarted ${restarts}×` : ""))])));
 }
 
-export function tellMoves(moves) {
+export function showMoves(moves) {
   if (!moves.length) return;
   fill("moves", moves.map((move) => {
     const seconds = move.last_modified_time - move.create_time;
@@ -92,11 +92,11 @@ export function tellMoves(moves) {
   }));
 }
 
-export function tellRobot({ device }) {
+export function showRobot({ device }) {
   show("robot", `${device.name} · ${device.model}`);
 }
 
-export function tellCursor(point) {
+export function showCursor(point) {
   show("cursor", point ? `${number(point[0], 2)}, ${number(point[1], 2)} m` : "");
 }
 

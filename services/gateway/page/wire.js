@@ -1,4 +1,4 @@
-// The gateway as this page hears and asks it. Nothing here touches the document.
+// Messages from and requests to the gateway. Nothing here touches the document.
 
 export const TOPICS = {
   "/map": "map", "/map/info": "info", "/tracked_pose": "pose", "/path": "path", "/planning_state": "planning",

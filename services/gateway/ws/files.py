@@ -15,7 +15,7 @@ KEPT = 16
 
 
 class Files:
-    """The newest files of one robot. A name stands for one content for ever, so clients may cache it."""
+    """The newest files of one robot. A name always has the same content, so clients may cache it."""
 
     def __init__(self, kept: int = KEPT) -> None:
         self._kept = kept

@@ -32,7 +32,7 @@ PAYLOADS: dict[str, Payload] = {}
 
 
 def payload(view: type[ws.WsTopic]) -> Callable[[P], P]:
-    """Registers the function that makes a WebSocket topic. It returns None while there is nothing to tell."""
+    """Registers the function that makes a WebSocket topic. It returns None while there is nothing to send."""
 
     def register(make: P) -> P:
         PAYLOADS[view.TOPIC] = make

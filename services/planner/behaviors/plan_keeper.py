@@ -1,4 +1,4 @@
-"""Keeps a route to one target: asks for plans, takes them, and asks again when the route is blocked, left or poor."""
+"""Keeps a route to one target: requests plans, and requests new ones when the route is blocked, left or poor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rackhand.services.planner.planning.plan import NoPathFound, Target
 from rackhand.services.planner.planning.worker import PlanRequest
 
 SAME_OBSTACLE = 0.5  # m between what blocks the route and what moved lately, to take them for the same
-PUSHED = 0.1  # m off the route after a hold, from which on it is planned anew
+PUSHED = 0.1  # m off the route after a hold, from which on it is replanned
 WORTH_IMPROVING = 1.5  # m of route left, below which no better one is looked for
 _REASONS = {
     "disconnected": MoveFailReason.CALCULATION_FAILED,
@@ -57,7 +57,7 @@ class PlanKeeper:
         ctx.request_plan(PlanRequest(ctx.pose.copy(), self._target, static_only, tight))
 
     def discard(self, ctx: Context) -> None:
-        """The route's end was not the goal after all: plan anew, and stand until then."""
+        """The route's end was not the goal: replan, and stop until then."""
         self.route = None
         self.request(ctx)
 
@@ -151,7 +151,7 @@ class PlanKeeper:
         if self._no_path_since is None:
             return
         waited = (ctx.stamp - self._no_path_since) / NANOSECONDS
-        if not self.plans and waited > ctx.settings.sealed_patience:
+        if not self.plans and waited > ctx.settings.blocked_patience:
             text = f"observed obstacles block every path, for {waited:.0f} s ({self._no_path})"
             raise MoveFailed(MoveFailReason.NO_GLOBAL_PATH, text)
         if waited > ctx.settings.planning_timeout:

@@ -1,4 +1,4 @@
-"""The last check of every command, whatever wants it: can the chassis (its exact footprint) still stop after it?"""
+"""The last check of every command, whatever its source: can the chassis (its exact footprint) still stop after it?"""
 
 from __future__ import annotations
 

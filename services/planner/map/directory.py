@@ -46,7 +46,7 @@ def read_map_directory(directory: Path) -> DirectoryMap:
     try:
         created = CreateMap(**fields)
         check_map(created)
-        codec_for(CreateMap).dumps(created)  # an integer of any size is JSON, and yet cannot be told on the bus
+        codec_for(CreateMap).dumps(created)  # an integer of any size is JSON, but cannot be encoded on the bus
     except ValidationError as error:
         raise MapDirectoryError(f"{directory}: {explain(error)}") from None
     except RequestRefused as refused:

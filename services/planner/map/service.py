@@ -44,7 +44,7 @@ class MapService:
         return self._store.current
 
     def load(self) -> None:
-        """Give navigation the map in use anew; it forgets what it saw. A map it cannot read becomes ``trouble``."""
+        """Give navigation the map in use again; it drops its observations. A map it cannot read becomes ``trouble``."""
         self.trouble = None
         try:
             self._user.set_map(self.current)

@@ -115,7 +115,7 @@ class MoveBook:
 
 
 def _ended(move: Move, state: EndState, now: int, reason: MoveFailReason = MoveFailReason.NONE, text: str = "") -> Move:
-    # Simulation time begins anew at a reset; a record's times never run backwards.
+    # Simulation time restarts at a reset; a record's times never run backwards.
     return move.model_copy(
         update={
             "state": state,

@@ -1,4 +1,4 @@
-"""What is known of the chassis: the newest of everything its driver and its localiser have told."""
+"""What is known of the chassis: the newest message of each topic of its driver and localiser."""
 
 from __future__ import annotations
 

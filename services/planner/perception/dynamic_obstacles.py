@@ -19,7 +19,7 @@ from rackhand.services.planner.perception.observed import ObservedObstacles
 Array = NDArray[np.float64]
 
 GAP = 0.25  # m between neighbouring hits of one thing
-LARGEST = 1.2  # m; larger things are taken to stand
+LARGEST = 1.2  # m; larger objects count as static
 GATE = 0.5  # m between a prediction and the cluster that continues it
 ALPHA, BETA = 0.5, 0.2
 LOST_AFTER = 8  # scans

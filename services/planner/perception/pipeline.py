@@ -70,7 +70,7 @@ class Perception:
     def _look(self, scan: Scan, footprint: Footprint | None) -> None:
         if footprint is None or self._odometry is None:
             return
-        # The scan belongs to the newest instant or the one before it: odometry has moved by centimetres at most.
+        # The scan belongs to the newest odometry or the one before it: odometry has moved by centimetres at most.
         self._hits = se2.transformed(self._odometry, _hits(scan, self._settings.obstacle_range, footprint))
         if self.pose is not None and self.costmap is not None:
             self.costmap.look(scan, self._filter.at(scan.stamp), footprint)

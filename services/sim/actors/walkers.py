@@ -1,4 +1,4 @@
-"""People on scripts: where one who walks in a loop is, as a function of time and of who stands in the way."""
+"""People on scripts: where one who walks in a loop is, as a function of time and of robots ahead."""
 
 from __future__ import annotations
 

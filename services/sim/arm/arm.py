@@ -1,4 +1,4 @@
-"""One arm at run time: what it is told, what its drives do, and what it measures."""
+"""One arm at run time: commands, drives, measurements."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class Arm:
         if np.any(home < self.limits.lower) or np.any(home > self.limits.upper):
             raise WorldFileError(f"arms.{self.name}.home: {home} is not within the joints' ranges")
 
-    # -- what it is told ---------------------------------------------------------------------------------------------
+    # -- commands ----------------------------------------------------------------------------------------------------
 
     def fault_of(self, command: ArmCommand) -> str:
         """What is wrong with a command in itself; empty if nothing is."""
@@ -178,7 +178,7 @@ class Arm:
     # -- what it does ------------------------------------------------------------------------------------------------
 
     def begin(self, stamp: int) -> None:
-        """What the instant that begins at ``stamp`` is to bring."""
+        """Prepare the control step that begins at ``stamp``."""
         order = self._order
         if order is not None and stamp - order.answers >= COMMAND_LIFE_NS:
             order = self._order = None

@@ -1,4 +1,4 @@
-"""The drive of a chassis: which wheel speeds it asks of its motors for the body twist it was told."""
+"""The drive of a chassis: wheel speeds for the commanded body twist."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STANDSTILL = Twist2(linear=0.0, angular=0.0)
 
 
 def is_fresh(command: ChassisCommand | None, stamp: int) -> bool:
-    """Whether the command may drive the instant that begins at ``stamp``, all of which comes after that stamp."""
+    """Whether the command may drive the control step that begins at ``stamp``, all of which comes after that stamp."""
     return command is not None and stamp - command.answers < COMMAND_LIFE_NS
 
 

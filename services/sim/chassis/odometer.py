@@ -1,4 +1,4 @@
-"""Wheel odometry from noisy encoders: what a chassis knows of its way without looking at the world."""
+"""Wheel odometry from noisy encoders: the pose by dead reckoning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One chassis at run time: what it is told, what its wheels and jack do, and what its sensors say."""
+"""One chassis at run time: commands, wheels, jack, sensors."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Robot:
         self._data.qpos[self._qpos + 3 : self._qpos + 7] = yaw_quaternion(yaw)
 
     def rest(self, controls: NDArray[np.float64]) -> None:
-        """Stand still at once, as a robot does that was just set down. ``controls``: of the instant that it is in."""
+        """Stop at once, as after the robot was moved to another pose. ``controls``: of the current control step."""
         controls[:, self._wheel_motors] = 0
         qvel = self._data.qvel
         qvel[self._qvel : self._qvel + 6] = 0

@@ -1,4 +1,4 @@
-"""Shapes of what stands in a world, as plain values: the physics and the map are both made of them."""
+"""Shapes of the static objects of a world, as plain values; the physics and the map are both made of them."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _wall(wall: Wall) -> Shape:
     )
 
 
-# The dock's face is a notch of two plates, each turned by this from the dock's back, that a lidar can tell from a wall.
+# The dock's face is a notch of two plates, each turned by this from the dock's back, which makes it visible to a lidar.
 CHARGER_V_ANGLE = math.radians(25)
 _CHARGER_PLATE = (0.26, 0.03, 0.5)  # length, thickness, height
 _CHARGER_BACK = (0.04, 0.5, 0.5)

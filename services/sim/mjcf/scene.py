@@ -16,7 +16,7 @@ from rackhand.worlds.arm_model import ArmDescription
 from rackhand.worlds.chassis_model import ChassisProfile
 from rackhand.worlds.world_model import Item, Rack, RackKind, World
 
-# How many things of each kind can be placed at run time. Slots are compiled in, because compiling anew would
+# How many things of each kind can be placed at run time. Slots are compiled in, because recompiling would
 # put everything that moves to sleep, and cost some 50 ms.
 SLOTS = {"box": 24, "cylinder": 12, "person": 8}
 _SLOT_GEOMS = {

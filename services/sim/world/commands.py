@@ -25,7 +25,7 @@ def draw_map(
         Path | None, typer.Option(help="folder for map.png and map.yaml  [default: the world's own]")
     ] = None,
 ) -> None:
-    """Draw the map of a world: what of it stands still, cut at the height of the lidar.
+    """Draw the map of a world: its static objects, cut at the height of the lidar.
 
     Example: `rackhand world map warehouse --out /tmp/maps`
     """

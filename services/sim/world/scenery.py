@@ -1,4 +1,4 @@
-"""The compiled model as data for those who look: which names things have, what moves, and the shapes of all."""
+"""The compiled model as data for viewers: names, poses of what moves, and all shapes."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ def test_at_rest_a_change_of_holder_needs_no_stop() -> None:
     assert not desk.move("b", 60).motion
 
 
-def test_expiry_stops_and_is_told() -> None:
+def test_expiry_stops_and_is_reported() -> None:
     desk = Desk()
     desk.move("a", 20)
     assert not desk.wait(10.0).motion

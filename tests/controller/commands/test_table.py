@@ -101,7 +101,7 @@ def test_every_row_is_of_the_schema_and_every_name_finds_its_rows() -> None:
     assert COMMANDS.named("nudge") == ()
 
 
-def test_rows_that_cannot_be_told_apart_are_refused() -> None:
+def test_rows_that_cannot_be_reported_apart_are_refused() -> None:
     with pytest.raises(CommandTableError, match="same model"):
         CommandTable((*COMMANDS, next(iter(COMMANDS))))
 

@@ -104,7 +104,7 @@ def test_in_lockstep_a_due_plan_is_waited_for() -> None:
     assert len(answers) == 1 and queue is not None
 
 
-def test_a_refusal_is_told_between_ticks_and_the_next_job_begins() -> None:
+def test_a_refusal_is_reported_between_ticks_and_the_next_job_begins() -> None:
     executor = Manual()
     planner = PathPlanner(executor, PERIOD)
     planner.add(to(100.0), 1, "far")

@@ -155,7 +155,7 @@ def test_what_cannot_be_done_is_an_expected_400_and_takes_no_lock(request_: dict
     assert bench.queue == [] and bench.dispatcher.access.priority_under_control == 0
 
 
-def test_who_has_no_control_hears_403_before_anything_else() -> None:
+def test_who_has_no_control_receives_403_before_anything_else() -> None:
     bench = Bench(not_offered=frozenset({"setTorque"}))
     bench.ask("a", command="lockControl", priority=5)
     for request in ({**PATH, "data": []}, {**VELOCITY, "command": "setTorque"}, PATH):
@@ -208,7 +208,7 @@ def test_any_id_comes_back_as_it_was(id_: Any) -> None:
     assert "id" not in bench.ask("a", command="getStatus")
 
 
-def test_a_named_client_is_told_its_lease_and_may_fence_with_it() -> None:
+def test_a_named_client_is_reported_its_lease_and_may_fence_with_it() -> None:
     bench = Bench()
     lock = bench.ask("ws1", command="lockControl", priority=10, client="cell", keepAlive=0.5)
     assert (lock["message"], lock["leaseId"], lock["epoch"], lock["keepAlive"]) == (True, 1, "e1", 0.5)
@@ -293,7 +293,7 @@ def test_a_closed_connection_stops_its_clients_unless_they_came_back() -> None:
 SESSION = "dGhlIHNlc3Npb24gb2YgYQ"
 
 
-def test_nobody_is_told_anothers_session() -> None:
+def test_nobody_is_reported_anothers_session() -> None:
     """Whoever knows a session could act for it, so of a client without a name others see its alias only."""
     bench = Bench()
     told: list[Any] = []

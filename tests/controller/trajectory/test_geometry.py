@@ -38,7 +38,7 @@ def poses(seed: int) -> list[TcpPose]:
 
 @settings(max_examples=40, deadline=None)
 @given(SEEDS)
-def test_a_blend_passes_every_way_point_within_the_tolerance_and_no_leg_is_blended_beyond_its_half(seed: int) -> None:
+def test_a_blend_passes_every_waypoint_within_the_tolerance_and_no_leg_is_blended_beyond_its_half(seed: int) -> None:
     points = joints(seed)
     path = joint_path(points, TOLERANCE)
     corners = path.curve().derivatives(path.legs.s)[0]

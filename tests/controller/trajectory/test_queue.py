@@ -46,7 +46,7 @@ def smooth(*queues: tuple[float, MotionQueue]) -> None:
     assert max(seen.use(UR5E_LIMITS)) <= 1.02
 
 
-def test_an_idle_queue_stands_still() -> None:
+def test_an_idle_queue_does_not_move() -> None:
     sample = IDLE.at(5.0)
     assert np.array_equal(sample.q, UR5E_HOME)
     assert not sample.dq.any()

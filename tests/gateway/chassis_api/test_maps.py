@@ -100,7 +100,7 @@ def test_a_map_given_whole_has_id_minus_one(gateway: Gateway) -> None:
         ("/chassis/current-map", {"map_id": "1"}, "map_id: Input should be a valid integer"),
     ],
 )
-def test_a_wrong_map_is_told_what_is_wrong(gateway: Gateway, path: str, body: Any, told: str) -> None:
+def test_a_wrong_map_is_reported_what_is_wrong(gateway: Gateway, path: str, body: Any, told: str) -> None:
     answer = gateway.http.post(path, json=body)
     assert answer.status_code == 400
     assert answer.json()[0].startswith(told)

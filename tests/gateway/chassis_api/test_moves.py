@@ -107,7 +107,7 @@ def test_current_is_the_running_move_and_404_as_soon_as_it_has_ended(gateway: Ga
     assert gateway.http.get("/chassis/moves/latest").json()["id"] == 1
 
 
-def test_why_a_move_failed_is_told_in_the_words_of_rest(gateway: Gateway) -> None:
+def test_why_a_move_failed_is_reported_in_the_words_of_rest(gateway: Gateway) -> None:
     post(gateway, **TARGET)
     gateway.bus.end(1, state="failed", fail_reason=501, fail_message="failed to find rack")
     answer = gateway.http.get("/chassis/moves/1").json()
@@ -160,7 +160,7 @@ def test_a_move_without_a_target_is_refused_in_the_real_robots_words(gateway: Ga
         ([], "body: Input should be a valid dictionary or object to extract fields from, got a list of 0"),
     ],
 )
-def test_a_wrong_field_is_told_by_name_with_what_was_expected(gateway: Gateway, body: Any, told: str) -> None:
+def test_a_wrong_field_is_reported_by_name_with_what_was_expected(gateway: Gateway, body: Any, told: str) -> None:
     answer = gateway.http.post("/chassis/moves", json=body)
     assert answer.status_code == 400
     assert answer.json()[0].startswith(told)

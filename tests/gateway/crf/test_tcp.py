@@ -116,7 +116,7 @@ def test_garbage_is_skipped_without_an_answer(client: CrfClient, garbage: bytes)
 
 
 @pytest.mark.parametrize("type_", [0, 800, 802, 65535])
-def test_an_unknown_packet_type_is_told(cell: ArmCell, client: CrfClient, type_: int) -> None:
+def test_an_unknown_packet_type_is_reported(cell: ArmCell, client: CrfClient, type_: int) -> None:
     client.socket.sendall(encode(Packet(b'{"command":"getStatus"}', type_, writer=9)))
     assert client.receive() == {
         "command": "reply", "replyCommand": "error", "message": "Not supported packet type",
@@ -137,7 +137,7 @@ def test_what_is_no_request_is_answered_and_the_connection_stays(client: CrfClie
     assert client.ask({"command": "getStatus"})["replyCommand"] == "echo"
 
 
-def test_a_packet_beyond_reason_is_told_and_ends_the_connection(
+def test_a_packet_beyond_reason_is_reported_and_ends_the_connection(
     cell: ArmCell, gone: list[str], client: CrfClient
 ) -> None:
     length = MAX_FRAME + 1
@@ -247,7 +247,7 @@ def test_only_arms_of_this_gateway_and_never_beside_a_secret() -> None:
 
 
 @pytest.mark.parametrize("text", ["5000", "arm1", "arm1=", "=5000", "arm1=x", "arm1=70000"])
-def test_a_wrong_option_is_told(text: str) -> None:
+def test_a_wrong_option_is_reported(text: str) -> None:
     result = CliRunner().invoke(app, ["--arm", "arm1", "--crf-port", text])
     assert result.exit_code == 2
     assert "ARM=PORT" in result.output or "less than or equal" in result.output

@@ -132,7 +132,7 @@ def test_events_are_never_held_back_nor_overtaken_by_an_older_sample() -> None:
     run(test())
 
 
-def test_who_waits_for_a_move_waits_until_it_is_told_of_and_not_for_ever() -> None:
+def test_who_waits_for_a_move_waits_until_it_is_reported_of_and_not_for_ever() -> None:
     async def test() -> None:
         broadcaster, _ = hub(interval=0.0)
         await broadcaster.wait_for_move(7, 0.0)

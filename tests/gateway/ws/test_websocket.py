@@ -40,7 +40,7 @@ def test_every_change_of_subscription_is_answered_with_the_complete_set_newest_f
         ]
 
 
-def test_who_connects_is_told_who_is_there_and_the_others_are_told_of_it(gateway: Gateway) -> None:
+def test_who_connects_is_reported_who_is_there_and_the_others_are_reported_of_it(gateway: Gateway) -> None:
     with gateway.websocket() as first:
         assert json.loads(first.connection.recv(PATIENCE)) == {
             "topic": "/ws_connections",
@@ -161,7 +161,7 @@ def test_the_legacy_end_point_has_its_own_names(gateway: Gateway) -> None:
         json.dumps({"enable_topic": [f"/{n}" for n in range(MAX_TOPICS + 1)]}),
     ],
 )
-def test_a_malformed_frame_is_told_so_and_the_connection_stays(gateway: Gateway, frame: Any) -> None:
+def test_a_malformed_frame_is_reported_so_and_the_connection_stays(gateway: Gateway, frame: Any) -> None:
     with gateway.websocket() as client:
         error = client.ask(frame)
         assert error["topic"] == "/error"

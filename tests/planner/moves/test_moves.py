@@ -23,7 +23,7 @@ from rackhand.services.planner.moves.book import TARGET_MISSING
 from tests.planner.fakes import ARRIVED, FORWARD, STEP, UNIX_NS, Cell, driving
 
 
-def test_a_move_is_moving_in_the_answer_and_before_it_was_told(cell: Cell) -> None:
+def test_a_move_is_moving_in_the_answer_and_before_it_was_reported(cell: Cell) -> None:
     cell.tick(30)
     move = cell.create(creator="me", target_ori=1.5, target_accuracy=0.1, properties={"rack_layer": 2, "x": [1, None]})
     assert (move.state, move.creator, move.fail_reason) == ("moving", "me", 0)
@@ -330,7 +330,7 @@ def test_the_jack_does_not_start_while_a_move_runs(make_cell: Callable[..., Cell
     assert refused.value.code == "precondition"
 
 
-def test_stuck_is_told_as_state_alert_and_event(cell: Cell) -> None:
+def test_stuck_is_reported_as_state_alert_and_event(cell: Cell) -> None:
     cell.script.ticks = [driving(), driving(stuck_state="move_stucked"), driving(stuck_state="move_stucked")]
     cell.create()
     cell.tick(2)
@@ -367,13 +367,13 @@ def test_planning_state_and_path_rates(cell: Cell) -> None:
     assert len(cell.heard(topics.PLANNING_STATE)) == told, "nothing new, nothing told"
 
 
-def test_the_first_state_is_told_before_anything_is_asked(cell: Cell) -> None:
+def test_the_first_state_is_reported_before_anything_is_asked(cell: Cell) -> None:
     assert cell.heard(topics.PLANNING_STATE)[0].move_state == "none"
     assert cell.heard(topics.MAP)[0].map.map_name == "hall"
     assert cell.heard(topics.CHASSIS_STATUS)[0].control_mode == "auto"
 
 
-def test_what_the_planner_steers_by_is_told_once_a_second(cell: Cell) -> None:
+def test_what_the_planner_steers_by_is_reported_once_a_second(cell: Cell) -> None:
     cell.tick(60)
     stamps = [costmap.stamp for costmap in cell.heard(topics.COSTMAP)]
     assert [stamp // 1_000_000_000 for stamp in stamps] == [0, 1, 2]

@@ -210,7 +210,7 @@ def test_a_file_that_is_not_a_store_is_left_alone(tmp_path: Path) -> None:
     assert foreign.read_bytes() == before
 
 
-def test_a_damaged_store_is_told_and_kept(tmp_path: Path) -> None:
+def test_a_damaged_store_is_reported_and_kept(tmp_path: Path) -> None:
     path = tmp_path / "store.sqlite"
     with Database(path, "amr1") as database:
         book = MoveBook(MoveStore(database))

@@ -64,7 +64,7 @@ def test_one_wild_pose_does_no_harm_and_a_new_place_is_taken() -> None:
     assert pose_filter.pose == pytest.approx(there, abs=0.02)
 
 
-def test_a_clock_that_begins_anew_begins_anew() -> None:
+def test_a_clock_that_is_reset_is_reset() -> None:
     pose_filter = PoseFilter(PoseNoise())
     pose_filter.update(seen(10**9, np.array([1.0, 2.0, 0.0]), np.array([9.0, 9.0, 0.0])))
     pose_filter.update(seen(0, np.array([4.0, 5.0, 0.0]), np.zeros(3)))

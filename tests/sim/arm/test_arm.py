@@ -137,7 +137,7 @@ def test_joint_ranges_and_torque_limits_are_those_of_the_file(simulation: Simula
         ({"home": (0.0, 0.0, 9.0, 0.0, 0.0, 0.0)}, r"arms\.arm1\.home: .* not within"),
     ],
 )
-def test_a_wrong_arm_is_told_with_its_place(place: dict[str, Any], told: str) -> None:
+def test_a_wrong_arm_is_reported_with_its_place(place: dict[str, Any], told: str) -> None:
     with pytest.raises(WorldFileError, match=told):
         Simulation(arm_world(**place), {}, 0, EXACT)
 

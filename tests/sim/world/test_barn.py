@@ -59,7 +59,7 @@ def test_a_barn_world_has_its_cylinders_a_jackal_and_an_empty_map(tmp_path: Path
         (json.dumps({"worlds": {}}), "1", "meta"),
     ],
 )
-def test_wrong_barn_data_is_told(tmp_path: Path, content: str, number: str, told: str) -> None:
+def test_wrong_barn_data_is_reported(tmp_path: Path, content: str, number: str, told: str) -> None:
     file = tmp_path / "worlds.json"
     file.write_text(content)
     with pytest.raises(WorldFileError, match=told):

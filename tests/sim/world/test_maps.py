@@ -28,7 +28,7 @@ def cell(world: Any, x: float, y: float) -> int:
     return int(maps.draw(world)[::-1][int((y - bottom) / resolution), int((x - left) / resolution)])
 
 
-def test_a_map_shows_what_stands_still_in_the_plane_of_the_lidar() -> None:
+def test_a_map_shows_what_does_not_move_in_the_plane_of_the_lidar() -> None:
     world = make_world(
         statics={
             "low": {"kind": "box", "pose": (1, 0, 0), "size": (0.5, 0.5, 0.1)},
