@@ -109,7 +109,7 @@ class ControlLoop(Generic[C]):
     # -- registration ------------------------------------------------------------------------------------------------
 
     def measure(self, topic: Topic[Any], take: Callable[[Any], None], triggers: bool = False) -> None:
-        """Give each measurement of a topic to ``take``. Those of a topic that ``triggers`` are answered with a command."""
+        """Give measurements of a topic to ``take``. Those of a topic that ``triggers`` are answered with a command."""
         from_driver = topic.publisher == DRIVER
 
         def measured(_robot: str, message: Any) -> None:
