@@ -57,7 +57,7 @@ AT_REST = 0.05  # m/s and rad/s: measured below it, the chassis is at rest
 
 @dataclass(frozen=True)
 class ChassisSettings:
-    """``refuse_moves_while_jacking``: refuse a move while the jack travels, instead of holding it until it arrives."""
+    """``refuse_moves_while_jacking``: refuse moves while the jack moves, instead of holding them until it arrives."""
 
     remote: RemoteSettings = field(default_factory=RemoteSettings)
     refuse_moves_while_jacking: bool = False
@@ -195,7 +195,7 @@ class Chassis:
         """One step of the running move, or its end. None: brake."""
         move = self._motion.move
         if move is None:
-            raise RuntimeError("the move book has a running move that was never begun")
+            raise RuntimeError("the move book has a running move that was never started")
         if self._modes.control_mode != "auto":
             self._end("cancelled", text=f"moves run in control mode auto, not {self._modes.control_mode}")
             return None
@@ -258,7 +258,7 @@ class Chassis:
         if move is None:
             return
         if status.plans > max(before.plans, 1):
-            self._reports.event(self._stamp, move.id, "replanned", f"{status.remaining_distance:.2f} m to go")
+            self._reports.event(self._stamp, move.id, "replanned", f"{status.remaining_distance:.2f} m left")
         was_stuck = before.stuck_state != "none"
         if was_stuck != (status.stuck_state != "none"):
             text = "" if was_stuck else status.stuck_state
@@ -285,7 +285,7 @@ class Chassis:
             raise RequestRefused(RefusalCode.UNAVAILABLE, self._driver_fault)
         direction = self._jacking()
         if direction is not None and self._settings.refuse_moves_while_jacking:
-            raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is going {direction}; wait until it has arrived")
+            raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is moving {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
         self._motion.begin(wanted)
         self._status, self._distance, self._target = Status(), 0.0, target_of(wanted)
@@ -324,7 +324,8 @@ class Chassis:
             case JackRequest(direction=direction):
                 if self._book.current is not None:
                     raise RequestRefused(
-                        RefusalCode.PRECONDITION, f"move {self._book.current.id} runs; the jack waits for its end"
+                        RefusalCode.PRECONDITION,
+                        f"move {self._book.current.id} is running; the jack moves only while no move runs",
                     )
                 if self._modes.emergency_stop:
                     raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
@@ -337,7 +338,7 @@ class Chassis:
     def _set_pose(self) -> str:
         """Clients give a first guess after they set a map. The localiser of this version finds the pose by itself."""
         if (trouble := self._state.pose_trouble()) is not None:
-            raise RequestRefused(RefusalCode.UNAVAILABLE, f"there is no localiser to be told: {trouble}")
+            raise RequestRefused(RefusalCode.UNAVAILABLE, f"there is no localiser to set the pose of: {trouble}")
         return "not needed: the localiser knows the pose"
 
     def _jacking(self) -> str | None:

@@ -124,5 +124,5 @@ class PlannerService:
         for publication in self._chassis.take_publications():
             if isinstance(publication.message, MoveEvent):
                 event = publication.message
-                log.info(f"move {event.move_id} {event.event}", text=event.text)
+                log.info(f"move {event.move_id} {event.event}", detail=event.text)
             self._outbox.put(partial(self._publishers[publication.topic.name].put, publication.message))

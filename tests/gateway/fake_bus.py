@@ -112,7 +112,9 @@ class FakeBus:
         if isinstance(request, SetControlMode):
             self.control_mode = request.control_mode
         if request.op == "remote_twist" and self.control_mode != "remote":
-            raise Refused(RefusalCode.PRECONDITION, f"control mode is {self.control_mode}; remote driving needs remote")
+            raise Refused(
+                RefusalCode.PRECONDITION, f"the control mode is {self.control_mode}; remote driving needs mode remote"
+            )
         return Done()
 
     def _parameters(self, request: Any) -> ParametersReply:
