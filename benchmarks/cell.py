@@ -43,7 +43,8 @@ def run() -> Report:
         [(name, f"{speed:.1f}", f"{speed / bare:.2f}", cpu) for name, (speed, cpu) in measured.items()],
         f"World `warehouse`, {SECONDS:.0f} s of simulation each. The cell is five processes. The chassis drives moves "
         "all the time, the arm is commanded 250 times a simulated second: physics at 1 kHz, the arm's servo, lidar, "
-        "odometry, localisation, planning, control, commands, HTTP. Bare physics stands still and feels nothing.",
+        "odometry, localisation, planning, control, commands, HTTP. Bare physics: the robots do not move, and there "
+        "are no sensors.",
     )
 
 

@@ -76,7 +76,7 @@ def drive(size: float, settings: NavigationSettings) -> tuple[list[float], int]:
             )
         )
         motion = Motion(settings, executor)
-        chassis = Chassis(motion, store.moves, store.maps)
+        chassis = Chassis(motion, store.moves, store.maps, store.parameters)
         chassis.on_message(chassis_model(BODY))
         chassis.set_driver_fault("")
         freeze_gc()  # as the service does when it is ready

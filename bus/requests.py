@@ -47,7 +47,7 @@ class Request(Generic[Q, R]):
         return pending
 
     def __del__(self) -> None:
-        self.refuse(RefusalCode.INTERNAL, "the service dropped the request")
+        self.refuse(RefusalCode.INTERNAL, "the service stopped before it answered")
 
 
 def refuse(pending: Any, code: RefusalCode, text: str) -> None:
@@ -57,4 +57,4 @@ def refuse(pending: Any, code: RefusalCode, text: str) -> None:
         with pending:
             pending.reply_err(codec.dumps(Refusal(code=code, text=text)), encoding=codec.encoding)
     except zenoh.ZError:
-        log.debug("a refusal could not be sent: the caller or the session is gone", code=code)
+        log.debug("refusal not sent: the caller or the session is closed", code=code)

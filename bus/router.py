@@ -22,7 +22,7 @@ def main() -> None:
         description=__doc__,
         epilog="example: python -m rackhand.bus.router --listen tcp/127.0.0.1:7447",
     )
-    parser.add_argument("--listen", default=DEFAULT_ROUTER, help="Zenoh end points, comma-separated (%(default)s)")
+    parser.add_argument("--listen", default=DEFAULT_ROUTER, help="Zenoh endpoints, comma-separated (%(default)s)")
     parser.add_argument("--connect", default="", help="other routers to join, comma-separated")
     arguments = parser.parse_args()
     configure_logging("router")
@@ -37,7 +37,7 @@ async def route(settings: BusConfig) -> None:
         asyncio.get_running_loop().add_signal_handler(number, stopped.set)
     with zenoh.open(settings.zenoh_config()) as session:
         token = session.liveliness().declare_token(ServiceId("router", CELL).key)
-        get_logger(__name__).info("the bus is open", listen=settings.listen)
+        get_logger(__name__).info("listening", listen=settings.listen)
         await stopped.wait()
         token.undeclare()  # type: ignore[no-untyped-call]
 

@@ -30,7 +30,9 @@ class Malformed(Counter[str]):
     def count(self, name: str, error: MalformedMessage) -> None:
         self[name] += 1
         if self[name] == 1:
-            log.warning("malformed message dropped; further ones are only counted", topic=name, error=str(error))
+            log.warning(
+                "malformed message dropped; further ones are counted but not logged", topic=name, error=str(error)
+            )
 
 
 def parse(topic: Topic[Any], codec: Codec[Any], raw: zenoh.Sample, malformed: Malformed) -> Sample | None:

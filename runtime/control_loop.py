@@ -181,7 +181,7 @@ class ControlLoop(Generic[C]):
         except Exception as error:
             self.log_once(error)
             if isinstance(event, Request):
-                event.refuse(RefusalCode.INTERNAL, f"the {self._service.service} failed to answer; its log says more")
+                event.refuse(RefusalCode.INTERNAL, f"the {self._service.service} failed to answer; see its log")
         self._core.publish()
 
     def log_once(self, error: Exception) -> None:

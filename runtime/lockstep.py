@@ -41,8 +41,10 @@ class LockstepParticipant:
         try:
             self._bus.call(topics.WORLD_CONTROL, WorldRequest(request=self._join), timeout=2.0)
         except Refused as refused:
-            log.error("the simulator refused to wait for this service", code=refused.code, text=refused.text)
+            log.error(
+                "the simulator refused the lockstep request of this service", code=refused.code, text=refused.text
+            )
         except (Unavailable, CallTimeout) as error:
-            log.info("the simulator does not answer yet; asking again", error=str(error))
+            log.info("no answer from the simulator yet; retrying", error=str(error))
             return
         self._due = False

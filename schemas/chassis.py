@@ -185,7 +185,7 @@ class Costmap(Message):
     @model_validator(mode="after")
     def _whole_rows(self) -> Self:
         if self.cost.size % self.columns:
-            raise ValueError(f"{self.cost.size} cells are no whole rows of {self.columns}")
+            raise ValueError(f"{self.cost.size} cells are not a multiple of {self.columns} columns")
         return self
 
 

@@ -71,10 +71,10 @@ class Codec(Generic[M]):
             raise MalformedMessage(f"{self.name}: encoded as {encoding[:80]!r}, want {MEDIA_TYPE}")
         name, _, version = schema.partition("#")[0].partition("@")
         if schema and name != self.name:
-            raise MalformedMessage(f"{self.name}: the sender calls it {name[:80]!r}")
+            raise MalformedMessage(f"{self.name}: the encoding names it {name[:80]!r}")
         if version and version != str(self.model.VERSION):
             raise MalformedMessage(
-                f"{self.name}: the sender speaks version {version[:20]}, this side {self.model.VERSION}"
+                f"{self.name}: the sender uses version {version[:20]}, this side version {self.model.VERSION}"
             )
 
 

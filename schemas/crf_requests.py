@@ -48,7 +48,7 @@ class Request(CrfMessage):
     model_config = ConfigDict(extra="ignore")
 
     command: str
-    id: Any = Field(None, description="any JSON; comes back in the answer")
+    id: Any = Field(None, description="any JSON; repeated in the answer")
     user: User | None = None
     client: Annotated[str, Field(min_length=1, max_length=128, pattern=f"^[^{ALIAS_MARK}]")] | None = Field(
         None, description="extension: a name of the client that outlives its connection; asks for the lease in replies"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, Literal, TypeVar
 
-from rackhand.schemas import chassis, maps, motion, moves, service, world
+from rackhand.schemas import chassis, maps, motion, moves, parameters, service, world
 from rackhand.schemas import websocket as ws
 from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.service import WORLD
@@ -116,7 +116,7 @@ def _world(name: str, model: type[M], readers: tuple[Role, ...], rate: float, qo
 
 # fmt: off
 ODOMETRY = _chassis("chassis/odometry", chassis.Odometry, "driver", ("planner", "gateway", "viewer"), 50, Qos.STREAM,
-                    "wheel odometry; last of what is measured at one control step", ws.MotionMetrics)
+                    "wheel odometry; published last of the measurements of a control step", ws.MotionMetrics)
 SCAN = _chassis("chassis/scan", chassis.Scan, "driver", ("planner", "gateway", "viewer"), 12.5, Qos.STREAM,
                 "2-D lidar", ws.MatchedPoints)
 IMU = _chassis("chassis/imu", chassis.Imu, "driver", (), 50, Qos.STREAM, "angular velocity and specific force")
@@ -138,16 +138,16 @@ COSTMAP = _chassis("chassis/costmap", chassis.Costmap, "planner", ("gateway", "v
                    "local costmap", ws.CostmapFrame)
 PLANNING_STATE = _chassis("moves/planning_state", moves.PlanningState, "planner", ("gateway", "viewer"), 5,
                           Qos.LATCHED, "state of the current or last move", ws.PlanningStateFrame)
-PATH = _chassis("moves/path", moves.PlannedPath, "planner", ("gateway", "viewer"), 5, Qos.LATCHED, "the path ahead",
+PATH = _chassis("moves/path", moves.PlannedPath, "planner", ("gateway", "viewer"), 5, Qos.LATCHED, "remaining path",
                 ws.PathFrame)
 MOVE_EVENT = _chassis("moves/event", moves.MoveEvent, "planner", ("viewer",), 0, Qos.EVENT,
-                      "a move was created, replanned, blocked, ended")
+                      "a move was created, replanned, blocked or has ended")
 MAP = _chassis("map", maps.CurrentMap, "planner", ("gateway", "viewer"), 0, Qos.LATCHED, "map in use, with overlays",
                ws.MapFrame, ws.MapFileFrame, ws.MapInfo, ws.SlamState)
 
 ARM_STATE = _arm("arm/state", motion.ArmState, "driver", ("controller",), 500, Qos.STREAM,
                  "joint positions, velocities, efforts, flange wrench; at the period of a controller that has joined")
-ARM_MODEL = _arm("arm/model", motion.ArmModel, "driver", ("viewer",), 0, Qos.LATCHED, "kind of arm, pose of its base")
+ARM_MODEL = _arm("arm/model", motion.ArmModel, "driver", ("viewer",), 0, Qos.LATCHED, "arm profile, pose of the base")
 ARM_COMMAND = _arm("arm/command", motion.ArmCommand, "controller", ("driver",), 250, Qos.COMMAND,
                    "joint positions, velocities or torques, with the fencing token")
 MOTION_STATUS = _arm("motion/status", motion.MotionStatus, "controller", ("viewer",), 25, Qos.STREAM,
@@ -157,29 +157,32 @@ MOTION_EVENT = _arm("motion/event", motion.MotionEvent, "controller", ("gateway"
 MOTION_PATH = _arm("motion/path", motion.MotionPath, "controller", ("viewer",), 0, Qos.LATCHED,
                    "path of the tool through all queued waypoints")
 MOTION_DIAGNOSTICS = _arm("motion/diagnostics", motion.MotionDiagnostics, "controller", ("viewer",), 25, Qos.STREAM,
-                          "tracking errors, time of ticks and of the solver, late ticks")
+                          "tracking errors, duration of ticks and of the solver, late ticks")
 MOTION_STREAM = _arm("motion/stream", motion.MotionStream, "controller", ("gateway",), 0, Qos.EVENT,
-                     "status streams, each for one session")
+                     "status streams, one per session")
 MOTION_SESSION = _arm("motion/session", motion.SessionGone, "gateway", ("controller",), 0, Qos.EVENT,
-                      "a client's connection was closed")
+                      "the connection of a client was closed")
 
 BUS_STATS = Topic("bus/stats", "rackhand/{robot}/bus/stats", "any", service.BusStats, "every service", ("viewer",), 0,
-                  Qos.STREAM, "samples a service's inboxes read, lost and could not parse, each second of wall time")
+                  Qos.STREAM, "samples that a service received, lost and could not parse, per second of wall time")
 
 CLOCK = _world("clock", world.Clock, ("planner", "controller", "gateway", "viewer"), 50, Qos.STREAM,
                "simulation time, speed, paused")
-OBJECTS = _world("objects", world.Objects, ("viewer",), 25, Qos.STREAM, "ground-truth poses")
-SCENE = _world("scene", world.Scene, ("viewer",), 0, Qos.LATCHED, "geometry as data, for viewers")
+OBJECTS = _world("objects", world.Objects, ("viewer",), 25, Qos.STREAM, "ground-truth poses of robots and objects")
+SCENE = _world("scene", world.Scene, ("viewer",), 0, Qos.LATCHED, "geometry of the world, for viewers")
 
 MOVES = Query("moves/command", "rackhand/{robot}/moves/command", "chassis", moves.MoveRequest, moves.MoveReply,
               "planner", ("gateway", "node"), "create, get, list, cancel moves")
 CHASSIS_REQUEST = Query("chassis/request", "rackhand/{robot}/chassis/request", "chassis", chassis.ChassisRequest,
                         chassis.Done, "planner", ("gateway", "node"),
-                        "jack, control mode, emergency stop, remote twist, pose")
+                        "jack, control mode, emergency stop, remote twist, set pose")
+CHASSIS_PARAMETERS = Query("chassis/parameters", "rackhand/{robot}/chassis/parameters", "chassis",
+                           parameters.ParametersRequest, parameters.ParametersReply, "planner", ("gateway", "node"),
+                           "parameters that a chassis drives with: read, change")
 MAPS = Query("maps", "rackhand/{robot}/maps", "chassis", maps.MapRequest, maps.MapReply, "planner",
              ("gateway", "node"), "the robot's map store and the choice of the current map")
 MOTION = Query("motion/command", "rackhand/{robot}/motion/command", "arm", motion.CrfCall, motion.CrfAnswer,
-               "controller", ("gateway", "node"), "a CRF request in, its reply out")
+               "controller", ("gateway", "node"), "CRF requests")
 MOTION_STOP = Query("motion/stop", "rackhand/{robot}/motion/stop", "arm", motion.CrfCall, motion.CrfAnswer,
                     "controller", ("gateway", "node"), "softStop and hardStop, not queued behind other requests")
 WORLD_CONTROL = Query("world/control", "rackhand/world/control", "world", world.WorldRequest, world.WorldReply, "sim",

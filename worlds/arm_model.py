@@ -54,10 +54,10 @@ class ArmDescription(Data):
     def _names_its_spheres(self) -> ArmDescription:
         names = [sphere.name for sphere in self.spheres]
         if twice := {name for name in names if names.count(name) > 1}:
-            raise ValueError(f"spheres: {sorted(twice)[0]!r} is the name of two")
+            raise ValueError(f"spheres: {sorted(twice)[0]!r} is used twice")
         for name in (name for pair in self.self_collision for name in pair):
             if name not in names:
-                raise ValueError(f"self_collision: {name!r} is no sphere; expected one of {sorted(names)}")
+                raise ValueError(f"self_collision: {name!r} is not a sphere; expected one of {sorted(names)}")
         return self
 
 

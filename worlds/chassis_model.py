@@ -155,7 +155,7 @@ class ChassisProfile(Data):
         }
         for name, most in able.items():
             if (limit := getattr(self.limits, name)) > most:
-                raise ValueError(f"limits.{name} is {limit:g}, but the drive reaches {most:g} only")
+                raise ValueError(f"limits.{name} is {limit:g}, but the drive reaches only {most:g}")
         return self
 
     @property

@@ -231,13 +231,13 @@ class World(Data):
             if rack.kind not in self.rack_kinds:
                 raise ValueError(f"rack {name!r} is of unknown kind {rack.kind!r}; known: {sorted(self.rack_kinds)}")
         if not self.robots and not self.arms:
-            raise ValueError("robots: a world needs one robot or arm at least")
+            raise ValueError("robots: a world needs at least one robot or arm")
         self._check_names()
         self._check_items()
         instant = self.control_step_ns * 1e-9
         if not math.isclose(steps := instant / self.timestep, round(steps), rel_tol=1e-9):
             raise ValueError(
-                f"timestep {self.timestep}: a control instant of {instant:g} s must be a whole number of steps"
+                f"timestep {self.timestep}: a control step of {instant:g} s must be a whole number of steps"
             )
         if self.arms and self.timestep > ARM_TIMESTEP:
             raise ValueError(f"timestep {self.timestep}: the servo of an arm needs {ARM_TIMESTEP} or less")
@@ -267,10 +267,12 @@ class World(Data):
             if item.lies_on is None:
                 continue
             if item.lies_on not in tops:
-                raise ValueError(f"items.{name}.lies_on: {item.lies_on!r} is no box and no rack; known: {sorted(tops)}")
+                raise ValueError(
+                    f"items.{name}.lies_on: {item.lies_on!r} is neither a box nor a rack; known: {sorted(tops)}"
+                )
             if not tops[item.lies_on].is_under(*item.pose[:2]):
                 raise ValueError(
-                    f"items.{name}.pose: its middle is not over {item.lies_on}, which is at {tops[item.lies_on].pose}"
+                    f"items.{name}.pose: its centre is not above {item.lies_on}, which is at {tops[item.lies_on].pose}"
                 )
 
     def _check_names(self) -> None:

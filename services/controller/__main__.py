@@ -63,7 +63,7 @@ def main(
             envvar="RACKHAND_CONTROLLER_WITHOUT",
         ),
     ] = None,
-    keep_alive: Annotated[float, typer.Option(min=0.1, help="seconds a lock lives without being refreshed")] = 10.0,
+    keep_alive: Annotated[float, typer.Option(min=0.1, help="seconds until an unused lock expires")] = 10.0,
 ) -> None:
     if SECOND % rate:
         raise typer.BadParameter(f"{rate} Hz: want a rate whose period is a whole number of nanoseconds")
@@ -81,6 +81,7 @@ def main(
     set_short_slice()
     sys.setswitchinterval(SWITCH_INTERVAL)
     period_ns = SECOND // rate
+    log.info("loading compiled code; the first start compiles it, which takes minutes")
     warm_up(model, period_ns)
     access = AccessConfig(keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf)
     audit = AuditWriter(audit_log, lambda error: log.error("the audit log cannot be written", error=str(error)))
@@ -97,7 +98,7 @@ def main(
                 freeze_gc()
                 if not run_in_real_time():
                     log.info(
-                        "real-time scheduling is not available: on a busy machine ticks may be late",
+                        "real-time scheduling not permitted: ticks may be late on a busy machine",
                         help="docs/development.md",
                     )
                 ControllerService(bus, robot, model.n, controller, audit).run()

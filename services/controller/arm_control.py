@@ -235,7 +235,7 @@ class ArmControl:
     def cancel_plans(self, code: CrfCode, why: str) -> None:
         """Drops every path that is not being driven, and answers its caller."""
         for granted in self._plans.cancel():
-            self._finish(granted, Expected[bool].failed(code), f"dropped before it began: {why}")
+            self._finish(granted, Expected[bool].failed(code), f"dropped before it started: {why}")
 
     def _collect(self, tick: bool, lockstep: bool) -> None:
         answers, queue = self._plans.collect(self._time(), tick, lockstep)
@@ -252,6 +252,6 @@ class ArmControl:
             code, text = CrfCode.BadRequest, str(answer.error)
         else:
             self._failed(answer.error)
-            code, text = CrfCode.InternalServerError, "planning failed; the controller's log says more"
+            code, text = CrfCode.InternalServerError, "planning failed; see the controller's log"
         if answer.first:
             self._finish(answer.ticket, Expected[bool].failed(code), text)

@@ -17,7 +17,7 @@ from rackhand.services.controller.protocol.dispatch import Dispatcher
 from rackhand.services.controller.protocol.parse import Parsed
 from rackhand.services.controller.protocol.reading import LONG, ParseQueue, Reading
 
-_FAILED = "the controller failed to answer; its log says more"
+_FAILED = "the controller failed to answer; see its log"
 
 
 class RequestHandler:
@@ -40,7 +40,7 @@ class RequestHandler:
         if not self._reading.wanted(session, text):
             self._request(session, text, ticket, None)
         elif self._reading.full:
-            self._reply(ticket, error(CrfCode.ServiceUnavailable, "too many long requests are being read"))
+            self._reply(ticket, error(CrfCode.ServiceUnavailable, "too many long requests are being parsed"))
         else:
             self._reading.take(session, text, ticket)
 
@@ -52,7 +52,7 @@ class RequestHandler:
             return
         parsed = self.dispatcher.read(text)
         if isinstance(parsed.result, crf.Request) and not isinstance(parsed.result, crf.SoftStop | crf.HardStop):
-            refusal = error(f"Unknown command: {parsed.result.command}", "only softStop and hardStop are taken here")
+            refusal = error(f"Unknown command: {parsed.result.command}", "only softStop and hardStop are accepted here")
             self._reply(ticket, refusal, parsed)
         else:
             self._request(session, text, ticket, parsed)
@@ -96,7 +96,7 @@ class RequestHandler:
     def _take_in(self, reading: Reading) -> None:
         parsed = reading.future.result() if reading.future else self.dispatcher.read(reading.text)
         if reading.overtaken and isinstance(parsed.result, crf.ControlRequest):
-            self._reply(reading.ticket, error(CrfCode.Conflict, "a stop came while it was read"), parsed)
+            self._reply(reading.ticket, error(CrfCode.Conflict, "a stop arrived while it was parsed"), parsed)
         else:
             self._request(reading.session, reading.text, reading.ticket, parsed)
 

@@ -6,13 +6,15 @@ from rackhand.bus import Bus, Request
 from rackhand.bus.log import get_logger
 from rackhand.runtime.control_loop import ControlLoop, LoopSettings
 from rackhand.schemas import topics
-from rackhand.schemas.motion import ArmCommand, ArmState, CrfAnswer, CrfCall, MotionStream, SessionGone
+from rackhand.schemas.motion import ArmCommand, ArmState, CrfAnswer, CrfCall, MotionEvent, MotionStream, SessionGone
 from rackhand.schemas.service import ServiceId
 from rackhand.schemas.world import Clock
 from rackhand.services.controller.access.audit_writer import AuditWriter
 from rackhand.services.controller.controller import Controller
 
 log = get_logger(__name__)
+
+_EVENT_TEXTS = {"controlGranted": "control granted", "controlLost": "control lost", "heartbeatLost": "heartbeat lost"}
 
 
 class ControllerService:
@@ -39,7 +41,7 @@ class ControllerService:
     def _take_state(self, state: ArmState) -> None:
         """Raises ``ValueError`` for a state of another arm, which is then not answered."""
         if len(state.q) != self._joints:
-            raise ValueError(f"the driver has {len(state.q)} joints, the arm {self._joints}")
+            raise ValueError(f"the driver reports {len(state.q)} joints, the arm has {self._joints}")
         self._state = state
 
     def _disconnected(self, gone: SessionGone) -> None:
@@ -81,7 +83,7 @@ class ControllerService:
     def publish(self) -> None:
         output = self._controller.take()
         for event in output.events:
-            log.info(event.name, to=event.to, by=event.info.by, reason=event.info.reason, kind=event.info.kind)
+            _log_event(event)
             self._events.put(event)
         self._audit.put(output.audit)
         for ticket, text in output.replies:
@@ -97,3 +99,8 @@ class ControllerService:
             self._path.put(output.path)
         for error in output.errors:
             log.error("a request failed", exc_info=error)
+
+
+def _log_event(event: MotionEvent) -> None:
+    fields = event.info.model_dump(include={"client", "priority", "by", "reason", "kind"})
+    log.info(_EVENT_TEXTS.get(event.name, event.name), **{name: value for name, value in fields.items() if value})

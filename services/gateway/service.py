@@ -109,7 +109,9 @@ async def _check_name(services: Services) -> None:
         await asyncio.sleep(0.1)
         waited += 0.1
     if services.is_alive(services.this):
-        log.error("another gateway of this name is on the bus; choose another with --name", name=str(services.this))
+        log.error(
+            "a gateway with this name is already on the bus; choose another name with --name", name=str(services.this)
+        )
         raise SystemExit(1)
 
 
@@ -127,7 +129,7 @@ async def _crf_ports(shared: Shared) -> AsyncIterator[None]:
             except OSError as error:
                 log.error("the CRF port cannot be opened", arm=arm, host=host, port=number, error=str(error))
                 raise SystemExit(1) from None
-            log.info("CRF clients may connect", arm=arm, host=host, port=number)
+            log.info("listening for CRF clients", arm=arm, host=host, port=number)
         yield
     finally:
         for port in opened:

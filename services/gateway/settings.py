@@ -47,7 +47,7 @@ class Settings(BaseSettings):
     ] = 0.25
     max_body_bytes: Annotated[int, Field(gt=0)] = 32 * 1024 * 1024
     rates: dict[str, Annotated[float, Field(gt=0)]] = Field(
-        default_factory=dict, description="overrides of the most frames a second, by WebSocket topic"
+        default_factory=dict, description="overrides of the maximum frames per second, by WebSocket topic"
     )
 
     @model_validator(mode="before")

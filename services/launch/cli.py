@@ -33,7 +33,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
-    help="A goods-to-arm cell: mobile robots, arms, physics and a gateway, as processes that meet on Zenoh.",
+    help="A goods-to-arm cell: mobile robots, arms, physics and a gateway, as processes that communicate over Zenoh.",
     epilog=_examples("rackhand up", "rackhand up --world empty --speed max", "rackhand status", "rackhand topics"),
 )
 
@@ -69,16 +69,19 @@ def up(
     world: Annotated[str, typer.Option(help="name of a world, or a folder made by `rackhand world`")] = DEFAULTS.world,
     speed: Annotated[str, typer.Option(help="ratio to real time (0.1 … 1000), or max")] = "1",
     lockstep: Annotated[
-        bool, typer.Option("--lockstep", help="let the physics wait for the planner: the same seed, the same run")
+        bool,
+        typer.Option(
+            "--lockstep", help="let the simulator wait for planner and controller: the same seed gives the same run"
+        ),
     ] = DEFAULTS.lockstep,
-    seed: Annotated[int | None, typer.Option(min=0, help="seed of all noise; the world's own if not given")] = (
+    seed: Annotated[int | None, typer.Option(min=0, help="seed of all noise; default: that of the world")] = (
         DEFAULTS.seed
     ),
     host: Annotated[str, typer.Option(help="address the gateway listens on")] = DEFAULTS.http.host,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="port of the gateway; 0 is any free one")] = (
+    port: Annotated[int, typer.Option(min=0, max=65535, help="port of the gateway; 0 picks a free one")] = (
         DEFAULTS.http.port
     ),
-    bus_port: Annotated[int, typer.Option(min=0, max=65535, help="port of the bus' router; 0 is any free one")] = (
+    bus_port: Annotated[int, typer.Option(min=0, max=65535, help="port of the bus router; 0 picks a free one")] = (
         DEFAULTS.bus.port
     ),
     crf_port: Annotated[
@@ -87,22 +90,24 @@ def up(
             min=0,
             max=65535,
             help="also offer CRF's packet framing on TCP: the first arm here, the next ones on the next ports; "
-            "0 is any free one. Off if not given",
+            "0 picks a free one. Off by default",
         ),
     ] = DEFAULTS.crf_port,
     viewer: Annotated[bool, typer.Option("--viewer/--no-viewer", help="serve the live view in Rerun")] = True,
     viewer_port: Annotated[
-        int, typer.Option(min=0, max=65535, help="port of the live view's page; 0 is any free one")
+        int, typer.Option(min=0, max=65535, help="port of the live view; 0 picks a free one")
     ] = DEFAULT_VIEWER.port,
     robot_profile: Annotated[
-        str | None, typer.Option(help="chassis of amr1, as in longjack or jackal; the world's own if not given")
+        str | None, typer.Option(help="chassis profile of amr1, such as longjack or jackal; default: that of the world")
     ] = DEFAULTS.profile,
-    state_dir: Annotated[Path, typer.Option(help="folder of what outlives a run: moves, maps")] = DEFAULTS.state_dir,
+    state_dir: Annotated[
+        Path, typer.Option(help="folder for data that is kept between runs: moves, maps")
+    ] = DEFAULTS.state_dir,
     sim: Annotated[
         bool,
         typer.Option(
             "--sim/--no-sim",
-            help="simulate the robots; without, a hardware driver on the bus takes the simulator's place for each, and "
+            help="simulate the robots; with --no-sim, each robot needs a hardware driver on the bus, and "
             "the simulator's options have no effect",
         ),
     ] = DEFAULTS.sim,
@@ -135,11 +140,11 @@ def up(
 @app.command(epilog=_examples("rackhand status", "rackhand status --url http://127.0.0.1:8091"))
 def status(
     url: Annotated[
-        str | None, typer.Option(help="the gateway; if not given, that of the cell in the state folder, or port 8090")
+        str | None, typer.Option(help="URL of the gateway; default: that of the cell in the state folder, or port 8090")
     ] = None,
     state_dir: Annotated[Path, typer.Option(help="state folder of the cell")] = DEFAULTS.state_dir,
 ) -> None:
-    """Tell which services are up. Exit status 0 if all are, 1 if not."""
+    """Show which services are up. Exit status 0 if all are, 1 if not."""
     url = url or _known(state_dir, "http") or DEFAULTS.http.url
     health = ask_health(url.rstrip("/"), timeout=3.0)
     if health is None:
@@ -164,11 +169,11 @@ def motion(
     arm: Annotated[str, typer.Argument(help="name of the arm, as in arm1")],
     command: Annotated[str, typer.Argument(metavar="COMMAND-JSON", help="a CRF request")],
     url: Annotated[
-        str | None, typer.Option(help="the gateway; if not given, that of the cell in the state folder, or port 8090")
+        str | None, typer.Option(help="URL of the gateway; default: that of the cell in the state folder, or port 8090")
     ] = None,
     state_dir: Annotated[Path, typer.Option(help="state folder of the cell")] = DEFAULTS.state_dir,
 ) -> None:
-    """Send one command to an arm and print its answer. Exit status 1 if it could not be asked."""
+    """Send one command to an arm and print its answer. Exit status 1 if there is no answer."""
     url = url or _known(state_dir, "http") or DEFAULTS.http.url
     try:
         typer.echo(send_command(url.rstrip("/"), arm, command))
@@ -178,13 +183,13 @@ def motion(
 
 @app.command(epilog=_examples("rackhand record run.rrd", "rackhand record run.rrd --bus tcp/127.0.0.1:7448"))
 def record(
-    file: Annotated[Path, typer.Argument(help="where to write it; each further run of the world gets a number")],
+    file: Annotated[Path, typer.Argument(help="file to write; each further run of the world gets a number")],
     bus: Annotated[
-        str | None, typer.Option(help="end point of the bus; if not given, that of the cell in the state folder")
+        str | None, typer.Option(help="endpoint of the bus; default: that of the cell in the state folder")
     ] = None,
     state_dir: Annotated[Path, typer.Option(help="state folder of the cell")] = DEFAULTS.state_dir,
 ) -> None:
-    """Record a cell that runs into a file for Rerun, until Ctrl-C or SIGTERM."""
+    """Record the running cell into a file for Rerun, until Ctrl-C or SIGTERM."""
     try:
         record_cell(file, bus or _known(state_dir, "bus"))
     except CannotView as error:
@@ -193,10 +198,10 @@ def record(
 
 @app.command(epilog=_examples("rackhand view", "rackhand view run.rrd"))
 def view(
-    file: Annotated[Path | None, typer.Argument(help="a recording; if not given, the cell that runs")] = None,
+    file: Annotated[Path | None, typer.Argument(help="a recording; default: the running cell")] = None,
     state_dir: Annotated[Path, typer.Option(help="state folder of the cell")] = DEFAULTS.state_dir,
 ) -> None:
-    """Open Rerun's native viewer: on a recording, or on the cell as it runs."""
+    """Open Rerun's native viewer: on a recording or on the running cell."""
     try:
         open_viewer(file, _known(state_dir, "viewer_stream"))
     except CannotView as error:
@@ -227,7 +232,7 @@ def topics(
     epilog=_examples("rackhand world list", "rackhand world map warehouse"),
 )
 def world(context: typer.Context) -> None:
-    """Worlds: list them, make the map of one, make one from data. `rackhand world --help` tells more."""
+    """List worlds, draw the map of a world, create a world from data. `rackhand world --help` shows the commands."""
     command = [sys.executable, "-m", "rackhand.services.sim.world.commands", *context.args]
     raise typer.Exit(subprocess.run(command, check=False).returncode)
 

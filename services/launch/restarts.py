@@ -47,8 +47,8 @@ def after_exit(policy: RestartPolicy, history: History, ran_for: float, code: in
     history = History(1 if healthy else history.failures + 1, history.was_healthy or healthy)
     if not history.was_healthy:
         if code in HOPELESS_CODES:
-            return history, GiveUp(f"it cannot start as it was called (exit code {code})")
+            return history, GiveUp(f"it was started with wrong options (exit code {code})")
         if history.failures >= policy.attempts:
-            return history, GiveUp(f"it ended {history.failures} times without once running {policy.healthy_after:g} s")
+            return history, GiveUp(f"it ended {history.failures} times without running for {policy.healthy_after:g} s")
     doublings = min(history.failures - 1, 30)
     return history, min(policy.first_delay * 2.0**doublings, policy.longest_delay)

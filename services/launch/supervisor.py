@@ -87,7 +87,7 @@ class Supervisor:
             self._asked_at = now
             self._stop.set()
         elif now - self._asked_at > IMPATIENT:
-            self.say(f"{number.name} again: killing what is left")
+            self.say(f"{number.name} again: killing the remaining processes")
             self._signal_all(signal.SIGKILL)
 
     async def _keep(self, process: Process) -> None:
@@ -103,11 +103,11 @@ class Supervisor:
             if isinstance(verdict, GiveUp):
                 self._give_up(process, code, verdict)
                 return
-            self.say(f"{process.name} ended with {describe_exit(code)}; starting it again in {verdict:g} s")
+            self.say(f"{process.name} ended with {describe_exit(code)}; restarting in {verdict:g} s")
             await self._unless_stopped(asyncio.sleep(verdict))
 
     def _give_up(self, process: Process, code: int, verdict: GiveUp) -> None:
-        said = "going on without it" if process.optional else "giving up"
+        said = "continuing without it" if process.optional else "giving up"
         self.say(f"{process.name} ended with {describe_exit(code)}; {said}: {verdict.why}")
         if not process.optional:
             self._exit_code = 1

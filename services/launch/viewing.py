@@ -26,7 +26,7 @@ def with_viewer(options: CellOptions) -> tuple[CellOptions, str]:
         return options, ""
     page, data = with_port(options.viewer), options.viewer_data
     if error := in_the_way(page):
-        why = f"no live view on {page}: {error}. Choose another port with --viewer-port."
+        why = f"the live view cannot listen on {page}: {error}. Choose another port with --viewer-port."
         return replace(options, viewer=None), why
     if options.viewer.port == 0 or in_the_way(data):
         data = with_port(replace(data, port=0))

@@ -52,19 +52,19 @@ def main(
         ),
     ] = None,
     store: Annotated[
-        Path | None, typer.Option(help="SQLite file of moves and maps  [default: var/ROBOT/planner.sqlite]")
+        Path | None, typer.Option(help="SQLite file of moves, maps and parameters  [default: var/ROBOT/planner.sqlite]")
     ] = None,
     history: Annotated[int, typer.Option(min=1, help="how many moves are kept")] = HISTORY_LIMIT,
     max_forward_velocity: Annotated[
-        float | None, typer.Option(min=0.05, help="m/s, at most what the chassis can  [default: what it can]")
+        float | None, typer.Option(min=0.05, help="m/s, at most the limit of the chassis  [default: that limit]")
     ] = None,
     max_angular_velocity: Annotated[
-        float | None, typer.Option(min=0.05, help="rad/s, at most what the chassis can  [default: what it can]")
+        float | None, typer.Option(min=0.05, help="rad/s, at most the limit of the chassis  [default: that limit]")
     ] = None,
     remote_max_forward_velocity: Annotated[float, typer.Option(min=0.0, max=2.0, help="m/s in remote mode")] = 0.8,
     refuse_moves_while_jacking: Annotated[
         bool,
-        typer.Option(help="refuse a move while the jack travels, instead of holding it"),
+        typer.Option(help="refuse moves while the jack moves, instead of holding them"),
     ] = False,
 ) -> None:
     configure_logging("planner")
@@ -79,8 +79,9 @@ def main(
     try:
         with PlannerStore(path, robot, history) as kept, ThreadPoolExecutor(1, thread_name_prefix="plan") as planning:
             _prepare(kept, map_directory)
+            log.info("loading compiled code; the first start compiles it, which takes minutes")
             warm_up(navigation)
-            chassis = Chassis(Motion(navigation, planning), kept.moves, kept.maps, settings, kept.load)
+            chassis = Chassis(Motion(navigation, planning), kept.moves, kept.maps, kept.parameters, settings, kept.load)
             with Bus(ServiceId("planner", robot)) as bus:
                 bus.handle_signals()
                 freeze_gc()
@@ -93,7 +94,7 @@ def main(
 def _prepare(store: PlannerStore, map_directory: Path | None) -> None:
     moves, maps = store.moves, store.maps
     for move in moves.closed:
-        log.warning("a move was running when the planner ended last time", move=move.id, now=move.state)
+        log.warning("a move was interrupted when the planner stopped", move=move.id, now=move.state)
     if map_directory is not None and maps.import_directory(read_map_directory(map_directory)):
         log.info("map stored and selected", directory=str(map_directory), id=maps.current and maps.current.id)
     if maps.current is None:

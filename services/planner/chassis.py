@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass, field, replace
 
-from rackhand.schemas.base import NANOSECONDS, Message, Pose2
+from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.chassis import (
     ChassisCommand,
     ChassisModel,
@@ -46,7 +46,8 @@ from rackhand.services.planner.map.service import MapService
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteSettings
 from rackhand.services.planner.motion import Motion
-from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
+from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords, target_of
+from rackhand.services.planner.parameters import ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.reports import Publication, Reports
 
@@ -56,7 +57,7 @@ AT_REST = 0.05  # m/s and rad/s: measured below it, the chassis is at rest
 
 @dataclass(frozen=True)
 class ChassisSettings:
-    """``refuse_moves_while_jacking``: refuse a move while the jack travels, instead of holding it until it arrives."""
+    """``refuse_moves_while_jacking``: refuse moves while the jack moves, instead of holding them until it arrives."""
 
     remote: RemoteSettings = field(default_factory=RemoteSettings)
     refuse_moves_while_jacking: bool = False
@@ -73,6 +74,7 @@ class Chassis:
         motion: Motion,
         moves: MoveRecords,
         maps: MapStore,
+        parameters: ParameterStore,
         settings: ChassisSettings | None = None,
         load: LoadRecord | None = None,
     ) -> None:
@@ -81,15 +83,15 @@ class Chassis:
         self._motion = motion
         self._book = MoveBook(moves)
         self._maps = MapService(maps, motion)
+        self.parameters = ParameterService(parameters, motion)
         self._modes = Modes(self._settings.remote.twist_life_ns)
         self._jack = JackOrders()
         self._load = load or UnkeptLoad()
         motion.load = self._load.load
         self._state = ChassisState()
         self._reports = Reports()
-        self._status = Status()
-        self._distance = 0.0
-        self._target = None if self._book.last is None else _requested(self._book.last)
+        self._status, self._distance = Status(), 0.0
+        self._target = None if self._book.last is None else target_of(self._book.last)
         self._commanded = STANDSTILL
         self._unix_ns: int | None = None
         self._stamp = 0
@@ -109,6 +111,7 @@ class Chassis:
         """A measurement of the driver or the localiser."""
         if isinstance(message, ChassisModel) and not self._is_known(message):
             self._motion.set_model(message)
+            self.parameters.apply()
         self._state.take(message)
         match message:
             case Contacts(emergency_stop_button=pressed):
@@ -140,7 +143,8 @@ class Chassis:
         self._report()
 
     def store_failed(self, move_id: int | None, maps_undone: bool, why: str) -> None:
-        """A change could not be written: a move that is not on disk ends, maps are again as they are on disk."""
+        """A change could not be written: a move that is not on disk ends, all else is again as it is on disk."""
+        self.parameters.apply()
         if move_id is not None and self._book.current is not None and self._book.current.id == move_id:
             self._fail(MoveFailReason.INTERNAL_ERROR, f"the move could not be stored: {why}")
         if maps_undone:
@@ -191,7 +195,7 @@ class Chassis:
         """One step of the running move, or its end. None: brake."""
         move = self._motion.move
         if move is None:
-            raise RuntimeError("the move book has a running move that was never begun")
+            raise RuntimeError("the move book has a running move that was never started")
         if self._modes.control_mode != "auto":
             self._end("cancelled", text=f"moves run in control mode auto, not {self._modes.control_mode}")
             return None
@@ -216,8 +220,9 @@ class Chassis:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, self._maps.trouble)
         if self._maps.current is None:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, "no map is in use; select one first")
-        if self._modes.emergency_stop:
-            move.hold("the emergency stop is on")
+        stop = "the emergency stop is on" if self._modes.emergency_stop else self._motion.settings.control.standstill()
+        if stop is not None:
+            move.hold(stop)
         elif (direction := self._jacking()) is not None:
             move.hold_for_jack(direction)
         elif (trouble := self._trouble()) is not None:
@@ -253,7 +258,7 @@ class Chassis:
         if move is None:
             return
         if status.plans > max(before.plans, 1):
-            self._reports.event(self._stamp, move.id, "replanned", f"{status.remaining_distance:.2f} m to go")
+            self._reports.event(self._stamp, move.id, "replanned", f"{status.remaining_distance:.2f} m left")
         was_stuck = before.stuck_state != "none"
         if was_stuck != (status.stuck_state != "none"):
             text = "" if was_stuck else status.stuck_state
@@ -280,10 +285,10 @@ class Chassis:
             raise RequestRefused(RefusalCode.UNAVAILABLE, self._driver_fault)
         direction = self._jacking()
         if direction is not None and self._settings.refuse_moves_while_jacking:
-            raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is going {direction}; wait until it has arrived")
+            raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is moving {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
         self._motion.begin(wanted)
-        self._status, self._distance, self._target = Status(), 0.0, _requested(wanted)
+        self._status, self._distance, self._target = Status(), 0.0, target_of(wanted)
         if replaced is not None:
             self._reports.event(self._stamp, replaced.id, "replaced", f"replaced by move {move.id}")
         self._reports.event(self._stamp, move.id, "created", move.type)
@@ -319,7 +324,8 @@ class Chassis:
             case JackRequest(direction=direction):
                 if self._book.current is not None:
                     raise RequestRefused(
-                        RefusalCode.PRECONDITION, f"move {self._book.current.id} runs; the jack waits for its end"
+                        RefusalCode.PRECONDITION,
+                        f"move {self._book.current.id} is running; the jack moves only while no move runs",
                     )
                 if self._modes.emergency_stop:
                     raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
@@ -332,7 +338,7 @@ class Chassis:
     def _set_pose(self) -> str:
         """Clients give a first guess after they set a map. The localiser of this version finds the pose by itself."""
         if (trouble := self._state.pose_trouble()) is not None:
-            raise RequestRefused(RefusalCode.UNAVAILABLE, f"there is no localiser to be told: {trouble}")
+            raise RequestRefused(RefusalCode.UNAVAILABLE, f"there is no localiser to set the pose of: {trouble}")
         return "not needed: the localiser knows the pose"
 
     def _jacking(self) -> str | None:
@@ -399,10 +405,3 @@ class Chassis:
             stuck_state=self._status.stuck_state,
             viewport_blocked=self._status.viewport_blocked,
         )
-
-
-def _requested(request: MoveCreate) -> Pose2 | None:
-    """The target as requested, until the behaviour knows better."""
-    if request.target_x is None or request.target_y is None:
-        return None
-    return Pose2(x=request.target_x, y=request.target_y, yaw=request.target_ori or 0.0)

@@ -38,9 +38,9 @@ class JackOrders:
         self.failed = None
         if _arrived(direction, jack):
             self._order = None
-            return f"the jack is {direction} already"
+            return f"the jack is already {direction}"
         self._order = _Order(direction)
-        return f"the jack goes {direction}, from {jack.progress:.0%}"
+        return f"the jack moves {direction}, from {jack.progress:.0%}"
 
     def command(self, jack: Jack | None, stamp: int, allowed: bool) -> Literal["hold", "up", "down"]:
         """The jack command at ``stamp``; ``hold`` while jacking is not allowed (still rolling, emergency stop)."""
@@ -56,7 +56,9 @@ class JackOrders:
             order = self._order = _Order(order.direction, stamp)
         if order.started is not None and stamp - order.started > TIME_LIMIT_NS:
             where = "nowhere known" if jack is None else f"at {jack.progress:.0%}"
-            self.failed = f"the jack was to go {order.direction} and is {where} after {TIME_LIMIT_NS // NANOSECONDS} s"
+            self.failed = (
+                f"the jack did not move {order.direction} in time: it is {where} after {TIME_LIMIT_NS // NANOSECONDS} s"
+            )
             self._order = None
             return "hold"
         return order.direction

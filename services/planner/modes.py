@@ -60,7 +60,7 @@ class Modes:
         """Follow this twist from ``stamp`` on. Raises ``RequestRefused`` (precondition)."""
         if self.control_mode != "remote":
             raise RequestRefused(
-                RefusalCode.PRECONDITION, f"control mode is {self.control_mode}; remote driving needs remote"
+                RefusalCode.PRECONDITION, f"the control mode is {self.control_mode}; remote driving needs mode remote"
             )
         if self.emergency_stop:
             raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")

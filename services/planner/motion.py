@@ -52,6 +52,16 @@ class Motion:
         self._avoidance = DynamicAvoidance(self.settings)
         self.set_body(Footprint.of(model.footprint))
 
+    @property
+    def own_limits(self) -> Limits | None:
+        """What the chassis can do, within the operator's caps; None before ``set_model``."""
+        return None if self._body is None else self.settings.own
+
+    def set_limits(self, limits: Limits) -> None:
+        """Command no more than this from the next tick on, also of the running move; ``set_model`` ends it."""
+        self.settings = self.settings.commanding(limits)
+        self._avoidance.set_limits(limits)
+
     def set_body(self, body: Footprint) -> None:
         """The outline of the chassis without a load. ``footprint``, which must not touch anything, derives from it."""
         self._body = body
@@ -129,10 +139,10 @@ class Motion:
     def command(self, wanted: Drive | None, state: ChassisState, limits: Limits) -> Twist2:
         """The twist to command now: what is wanted, within ``limits``, if the guard lets it pass. None brakes."""
         if state.odometry is None or self.footprint is None:
-            return self._guard.brake(0 if state.odometry is None else state.odometry.stamp, self.settings.control)
+            return self._guard.brake(0 if state.odometry is None else state.odometry.stamp, self.settings.own)
         stamp, measured = state.odometry.stamp, state.odometry.twist
         if wanted is None:
-            return self._guard.brake(stamp, self.settings.control)
+            return self._guard.brake(stamp, self.settings.own)
         view = self.perception.surroundings(stamp)
         return self._guard.drive(
             wanted.twist, view, measured, stamp, limits, self.footprint.edges, self.settings, wanted.may_touch
@@ -140,4 +150,4 @@ class Motion:
 
     def brake(self, stamp: int) -> Twist2:
         """The next command of the shortest stop, whatever else is broken."""
-        return self._guard.brake(stamp, self.settings.control)
+        return self._guard.brake(stamp, self.settings.own)

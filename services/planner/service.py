@@ -61,6 +61,7 @@ class PlannerService:
             else:
                 self._loop.measure(topic, chassis.on_message, triggers=topic is topics.ODOMETRY)
         self._serve(topics.MOVES, chassis.moves)
+        self._serve(topics.CHASSIS_PARAMETERS, chassis.parameters.answer)
         self._serve(topics.MAPS, chassis.maps)
         self._serve(topics.CHASSIS_REQUEST, chassis.chassis)
         self._publishers: dict[str, Any] = {topic.name: bus.publisher(topic, robot) for topic in PUBLICATIONS}
@@ -123,5 +124,5 @@ class PlannerService:
         for publication in self._chassis.take_publications():
             if isinstance(publication.message, MoveEvent):
                 event = publication.message
-                log.info(f"move {event.move_id} {event.event}", text=event.text)
+                log.info(f"move {event.move_id} {event.event}", detail=event.text)
             self._outbox.put(partial(self._publishers[publication.topic.name].put, publication.message))

@@ -25,6 +25,12 @@ class Limits(NamedTuple):
     max_angular_velocity: float = 1.2
     max_angular_acc: float = 1.5
 
+    def standstill(self) -> str | None:
+        """Why nothing can be driven within these limits; None if it can."""
+        if self.max_forward_velocity == 0.0:
+            return "the maximum forward velocity is set to 0"
+        return "the maximum angular velocity is set to 0" if self.max_angular_velocity == 0.0 else None
+
     def within(self, other: Limits) -> Limits:
         """The tighter of both, value by value."""
         return Limits(
@@ -120,6 +126,7 @@ class NavigationSettings:
     """Distances in metres, angles in radians, times in seconds of simulation time."""
 
     control: Limits = field(default_factory=Limits)
+    own: Limits = field(default_factory=Limits)  # what the chassis can; a stop that protects it uses all of that
     caps: SpeedCaps = field(default_factory=SpeedCaps)
     actuation: Actuation = field(default_factory=lambda: Actuation(latency=0.04, lag=0.1))
     noise: PoseNoise = field(default_factory=PoseNoise)
@@ -203,4 +210,14 @@ class NavigationSettings:
             max_angular_acc=limits.angular_acceleration,
         )
         approach = min(FORESEEN_ACC * limits.acceleration, FORESEEN_DECEL * limits.deceleration)
-        return replace(self, control=control, actuation=model.actuation, approach_decel=approach)
+        return replace(self, control=control, own=control, actuation=model.actuation, approach_decel=approach)
+
+    def commanding(self, control: Limits) -> NavigationSettings:
+        """These settings of a chassis with at most ``control`` commanded; it brakes for obstacles as hard as ever."""
+        own = self.own
+        approach = min(
+            FORESEEN_ACC * control.max_forward_acc,
+            -FORESEEN_DECEL * own.max_forward_decel,
+            -FORESEEN_ACC * control.max_forward_decel,
+        )
+        return replace(self, control=control, approach_decel=approach)

@@ -1,4 +1,4 @@
-"""What one chassis keeps: moves and maps, in memory while the planner runs, written by a thread beside it."""
+"""What one chassis keeps: moves, maps and parameters, in memory while the planner runs, written by a thread."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from rackhand.services.planner.database import Database
 from rackhand.services.planner.load import LoadStore
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.moves.records import HISTORY_LIMIT, MoveStore
+from rackhand.services.planner.parameters import ParameterStore
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class PlannerStore:
         self._thread = StoreThread("store", lambda: Database(path, robot), Database.close)
         try:
             self.moves, self.maps = MoveStore(self._thread, history_limit), MapStore(self._thread)
+            self.parameters = ParameterStore(self._thread)
             self.load = LoadStore(self._thread)
         except BaseException:
             self._thread.close()
@@ -48,6 +50,7 @@ class PlannerStore:
     def settle(self, settled: Settled) -> NotWritten | None:
         """The disk's answer to a change, in the control thread."""
         move_id, maps_undone = self.moves.settle(settled), self.maps.settle(settled)
+        self.parameters.settle(settled)
         if settled.error is None:
             return None
         self._thread.resume()

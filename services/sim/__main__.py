@@ -24,7 +24,7 @@ from rackhand.worlds.data import WorldFileError
 from rackhand.worlds.world_model import load_world
 
 _HELP = """
-The world in physics, on the bus: chassis, racks, people, sensors.
+The simulator: MuJoCo physics of a world, on the bus.
 
 Examples:
 
@@ -70,13 +70,16 @@ def main(
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="wait at each control step for the commands due then")
     ] = False,
-    seed: Annotated[int | None, typer.Option(min=0, help="of all noise  [default: the world's]")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="seed of all noise  [default: that of the world]")] = None,
     wait_for: Annotated[
-        list[str] | None, typer.Option(help="stand at time 0 until ROBOT/SERVICE has joined; may be repeated")
+        list[str] | None, typer.Option(help="stay at time 0 until ROBOT/SERVICE has joined; may be given several times")
     ] = None,
     paused: Annotated[bool, typer.Option("--paused", help="begin paused")] = False,
     profile: Annotated[
-        str | None, typer.Option("--profile", "--robot-profile", help="chassis of every robot  [default: the world's]")
+        str | None,
+        typer.Option(
+            "--profile", "--robot-profile", help="chassis profile of every robot  [default: that of the world]"
+        ),
     ] = None,
     noise: Annotated[float, typer.Option(min=0, help="factor of all sensor noise; 0 for exact sensors")] = 1.0,
     pose_noise: Annotated[float, typer.Option(min=0, help="1σ of the localised position in metres")] = 0.01,

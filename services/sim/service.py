@@ -96,7 +96,7 @@ class SimService:
 
     def _presence(self, service: ServiceId, alive: bool) -> None:
         if not alive and self._session.gone(service):
-            log.warning("a participant disconnected; the simulation continues without it", who=str(service))
+            log.warning("participant disconnected; the simulation no longer waits for it", who=str(service))
 
     def _serve(self, request: Request[WorldRequest, WorldReply]) -> None:
         order = request.message.request
@@ -105,7 +105,7 @@ class SimService:
         except RequestRefused as refused:
             return request.refuse(refused.code, refused.text)
         if order.op != "inspect":
-            log.info(order.op, **order.model_dump(exclude={"op"}, exclude_defaults=True))
+            log.info(f"request: {order.op}", **order.model_dump(exclude={"op"}, exclude_defaults=True))
         if order.op in ("reset", "pause") and self._advancing is not None:
             self._advancing.refuse(RefusalCode.PRECONDITION, f"{order.op} came before the end of the advance")
             self._advancing = None
@@ -168,5 +168,6 @@ class SimService:
         pacer, stamp = self._session.pacer, self._session.simulation.stamp
         missing = ", ".join(str(service) for service in pacer.missing(stamp) or pacer.unanswered(stamp))
         if missing != self._waiting_for:
-            log.info("waiting for commands", stamp=stamp, missing=missing or "nobody")
+            text = "waiting for commands" if missing else "no longer waiting for commands"
+            log.info(text, **({"missing": missing} if missing else {}), stamp=stamp)
             self._waiting_for = missing

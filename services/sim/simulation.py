@@ -180,7 +180,7 @@ class Simulation:
             if former is not None:
                 self.obstacles.place(place.name, former.kind, former.size, former.pose, former.walker)
             self._kinematics()
-            raise RequestRefused(RefusalCode.INVALID, f"{place.name!r} would stand in {self._owner(touched)}")
+            raise RequestRefused(RefusalCode.INVALID, f"{place.name!r} would overlap {self._owner(touched)}")
 
     def remove(self, name: str) -> None:
         """Raises ``RequestRefused``."""
@@ -188,7 +188,7 @@ class Simulation:
         self._kinematics()
 
     def move_robot(self, move: MoveRobot) -> None:
-        """Raises ``RequestRefused`` and changes nothing if the robot would stand in something."""
+        """Raises ``RequestRefused`` and changes nothing if the robot would overlap something."""
         robot = self._robot(move.robot)
         check_pose(move.pose)
         before = np.array(self.data.qpos)
@@ -198,7 +198,7 @@ class Simulation:
         if touched is not None:
             self.data.qpos[:] = before
             self._kinematics()
-            raise RequestRefused(RefusalCode.INVALID, f"{move.robot} would stand in {touched!r}")
+            raise RequestRefused(RefusalCode.INVALID, f"{move.robot} would overlap {touched!r}")
         robot.rest(self._controls)
 
     def inject(self, fault: InjectFault) -> None:
@@ -374,7 +374,7 @@ class Simulation:
         self._kinematics()
         for name, robot in self.robots.items():
             if (touched := self._touched(robot)) is not None:
-                raise RequestRefused(RefusalCode.INVALID, f"robots.{name}.pose: it would stand in {touched!r}")
+                raise RequestRefused(RefusalCode.INVALID, f"robots.{name}.pose: it would overlap {touched!r}")
 
     def _move_walkers(self, dt: float) -> None:
         robots = [(r.pose, r.profile.body.size[0] / 2, r.profile.body.size[1] / 2) for r in self.robots.values()]
@@ -402,7 +402,7 @@ class Simulation:
             raise RequestRefused(RefusalCode.INVALID, f"name {name!r}: want 1 … 60 letters, digits, '_', '-' or '.'")
         world = self.world
         if name in {*self.robots, *self.arms, *world.racks, *world.items, *world.statics, *world.chargers}:
-            raise RequestRefused(RefusalCode.INVALID, f"{name!r} is the name of something else in this world")
+            raise RequestRefused(RefusalCode.INVALID, f"{name!r} is already used in this world")
 
     def _robot(self, name: str) -> Robot:
         if name not in self.robots:

@@ -22,15 +22,17 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     host: Annotated[str, typer.Option(help="Address to listen on (127.0.0.1: this machine only).")] = "127.0.0.1",
     web_port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the web viewer.")] = 9090,
-    data_port: Annotated[int, typer.Option(min=1, max=65535, help="Port viewers get their data from.")] = 9876,
+    data_port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the data that viewers load.")] = 9876,
     memory: Annotated[
         str,
-        typer.Option(envvar="RACKHAND_VIEWER_MEMORY", help="What is kept for viewers that come late; the oldest goes."),
+        typer.Option(
+            envvar="RACKHAND_VIEWER_MEMORY", help="Memory for data kept for late viewers; the oldest data is dropped."
+        ),
     ] = "256MB",
     rate: Annotated[
-        float, typer.Option(envvar="RACKHAND_VIEWER_RATE", min=0.1, max=100, help="Frames a second, at most.")
+        float, typer.Option(envvar="RACKHAND_VIEWER_RATE", min=0.1, max=100, help="Maximum frames per second.")
     ] = 25.0,
-    save: Annotated[Path | None, typer.Option(help="Write everything to this .rrd file, too.")] = None,
+    save: Annotated[Path | None, typer.Option(help="Also write all data to this .rrd file.")] = None,
     serve: Annotated[bool, typer.Option(help="Serve viewers.")] = True,
 ) -> None:
     """Draw what the bus says of a cell in Rerun."""

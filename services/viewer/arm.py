@@ -155,7 +155,7 @@ def _holder(holder: Holder | None) -> str:
 def _gripper(gripper: Gripper | None) -> str:
     if gripper is None or not gripper.suction:
         return "suction off"
-    return "suction on, something is held" if gripper.holding else "suction on, nothing is held"
+    return "suction on, holding an object" if gripper.holding else "suction on, holding nothing"
 
 
 def _short(client: str) -> str:

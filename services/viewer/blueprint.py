@@ -38,7 +38,7 @@ ARM_PLOTS = {
 }
 LOG = "log"
 SCENE, FRAMES = "scene", "tf"
-BUS_PLOTS = {"Lost: pushed out unread, or malformed": "bus/lost", "Received": "bus/received"}
+BUS_PLOTS = {"Lost: dropped or malformed": "bus/lost", "Received": "bus/received"}
 Paths = tuple[str, ...]
 
 
@@ -91,9 +91,7 @@ def _arm(cast: RobotSet) -> rrb.Container:
 
 def _bus() -> rrb.Container:
     plots = (_plot(name, (f"{entity}/**",)) for name, entity in BUS_PLOTS.items())
-    return rrb.Vertical(
-        rrb.Horizontal(*plots), _log("Who came and went, and time", (BUS_LOG,)), row_shares=[2, 1], name="Bus"
-    )
+    return rrb.Vertical(rrb.Horizontal(*plots), _log("Liveliness and time", (BUS_LOG,)), row_shares=[2, 1], name="Bus")
 
 
 def _of(robots: Iterable[str], names: Iterable[str]) -> Paths:

@@ -177,9 +177,9 @@ class ChassisView:
 
 _CURVES = (
     ("speed/forward", "forward, m/s", colours.FIRST),
-    ("speed/forward_wanted", "forward wanted, m/s", colours.SECOND),
+    ("speed/forward_wanted", "forward commanded, m/s", colours.SECOND),
     ("speed/turning", "turning, rad/s", colours.THIRD),
-    ("speed/turning_wanted", "turning wanted, rad/s", colours.FOURTH),
+    ("speed/turning_wanted", "turning commanded, rad/s", colours.FOURTH),
     ("charge/battery", "battery, %", colours.FIRST),
     ("charge/jack", "jack, % of its stroke", colours.SECOND),
     ("distance/remaining", "remaining distance, m", colours.THIRD),

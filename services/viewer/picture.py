@@ -73,7 +73,7 @@ draws(topics.SCENE, WorldView, WorldView.scene)
 def drawn_topics() -> tuple[Topic[Any], ...]:
     """What the table of topics has the viewer read. Raises ``LookupError`` for a topic that nothing draws."""
     if missing := [topic.name for topic in read_by("viewer") if topic.name not in ROUTES]:
-        raise LookupError(f"nothing draws {', '.join(missing)}")
+        raise LookupError(f"no view draws {', '.join(missing)}")
     return read_by("viewer")
 
 

@@ -54,7 +54,7 @@ class Server:
         try:
             return Page(self.host, self.web_port, self._assets, self.data_port)
         except OSError as error:
-            raise CannotServe(f"no page on {self.host}:{self.web_port}: {error.strerror}") from None
+            raise CannotServe(f"the page cannot listen on {self.host}:{self.web_port}: {error.strerror}") from None
 
     @property
     def ended(self) -> bool:
@@ -92,9 +92,7 @@ class Server:
         while not all(_accepts(*address) for address in ((self.near, self.data_port), self._assets)):
             if self.ended or time.monotonic() > deadline:
                 self.__exit__(None, None, None)
-                raise CannotServe(
-                    f"Rerun's server does not come up on {self.host}:{self.data_port}: is the port taken?"
-                )
+                raise CannotServe(f"Rerun's server did not start on {self.host}:{self.data_port}: is the port taken?")
             time.sleep(0.05)
 
 

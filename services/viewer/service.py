@@ -69,7 +69,7 @@ def run(settings: Settings) -> int:
             log.info("serving", url=server.page_url)
         viewer.run(lambda: server is None or not server.ended)
     if server is not None and not bus.stopping:
-        log.error("the Rerun server ended")
+        log.error("the Rerun server has exited")
         return 1
     return 0
 

@@ -117,7 +117,7 @@ def test_calls_are_answered_refused_or_time_out(bus: Bus, peer: subprocess.Popen
         bus.call(topics.MOVES, ask(GetMove(id=4)), "amr1")
     with pytest.raises(CallTimeout):
         bus.call(topics.MOVES, ask(CancelMove()), "amr1", timeout=0.2)
-    with pytest.raises(Refused, match="internal: the service dropped the request"):
+    with pytest.raises(Refused, match="internal: the service stopped before it answered"):
         bus.call(topics.MOVES, ask(CreateMove(move=MoveCreate(target_ori=0.0))), "amr1")
     with pytest.raises(Unavailable):
         bus.call(topics.MOVES, ask(ListMoves()), "nobody")

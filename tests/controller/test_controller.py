@@ -377,7 +377,7 @@ def test_stops_have_their_own_way() -> None:
     ticket = cell.send("b", '{"command":"getStatus","id":4}', stop=True)
     assert cell.answers[ticket] == {
         "command": "reply", "replyCommand": "error", "message": "Unknown command: getStatus", "id": 4,
-        "text": "only softStop and hardStop are taken here",
+        "text": "only softStop and hardStop are accepted here",
     }  # fmt: skip
     cell.until_rest(1.0)
 

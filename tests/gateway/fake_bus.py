@@ -22,7 +22,11 @@ from rackhand.schemas.maps import (
     UseMapData,
 )
 from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveReply, MoveRequest
-from rackhand.schemas.refusal import RefusalCode
+from rackhand.schemas.parameters import ParameterChanges, ParametersReply, ParametersRequest, SetParameters
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
+from rackhand.services.planner.parameters import check, defaults, in_force, merged
+from rackhand.services.planner.settings import NavigationSettings
+from tests.chassis_models import chassis_model
 
 NOW = 1_746_684_372
 WITHOUT_TARGET = ("follow_target", "charge")
@@ -40,6 +44,8 @@ class FakeBus:
         self.maps: dict[int, MapData] = {}
         self.current_map: MapData | None = None
         self.control_mode = "auto"
+        self.limits = NavigationSettings().for_chassis(chassis_model()).own
+        self.parameters = ParameterChanges()
 
     async def acall(self, query: topics.Query[Any, Any], request: Any, robot: str, timeout: float) -> Any:
         assert robot == self.robot
@@ -57,6 +63,9 @@ class FakeBus:
             case ChassisRequest():
                 assert query is topics.CHASSIS_REQUEST
                 return self._chassis(request.request)
+            case ParametersRequest():
+                assert query is topics.CHASSIS_PARAMETERS
+                return self._parameters(request.request)
         raise AssertionError(request)
 
     @property
@@ -103,8 +112,20 @@ class FakeBus:
         if isinstance(request, SetControlMode):
             self.control_mode = request.control_mode
         if request.op == "remote_twist" and self.control_mode != "remote":
-            raise Refused(RefusalCode.PRECONDITION, f"control mode is {self.control_mode}; remote driving needs remote")
+            raise Refused(
+                RefusalCode.PRECONDITION, f"the control mode is {self.control_mode}; remote driving needs mode remote"
+            )
         return Done()
+
+    def _parameters(self, request: Any) -> ParametersReply:
+        """By the planner's own rules."""
+        if isinstance(request, SetParameters):
+            try:
+                check(request.changes, self.limits)
+            except RequestRefused as refused:
+                raise Refused(refused.code, refused.text) from None
+            self.parameters = merged(self.parameters, request.changes)
+        return ParametersReply(values=in_force(self.parameters, self.limits), defaults=defaults(self.limits))
 
     def _maps(self, request: Any) -> MapReply:
         match request:

@@ -21,6 +21,7 @@ from rackhand.services.planner.map.directory import read_map_directory
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.records import MoveStore
+from rackhand.services.planner.parameters import ParameterStore
 from rackhand.services.planner.settings import NavigationSettings
 from rackhand.worlds.world_model import world_directory
 
@@ -48,7 +49,7 @@ class JoinedChassis:
         self._stored = maps.current
         self._planning = ThreadPoolExecutor(1, thread_name_prefix="plan")
         motion = Motion(NavigationSettings(), self._planning)
-        self.core = Chassis(motion, moves, maps, load=LoadStore(self._database))
+        self.core = Chassis(motion, moves, maps, ParameterStore(self._database), load=LoadStore(self._database))
 
     def close(self) -> None:
         self._planning.shutdown()

@@ -189,7 +189,7 @@ def test_a_cell_whose_view_has_no_port_goes_without(tmp_path: Path) -> None:
         blind, told = with_viewer(CellOptions(viewer=taken))
         seeing, _ = with_viewer(CellOptions(viewer=Address("127.0.0.1", 0), viewer_data=taken))
     assert blind.viewer is None and blind.viewer_page is None
-    assert f"no live view on {taken}: Address already in use" in told and "--viewer-port" in told
+    assert f"the live view cannot listen on {taken}: Address already in use" in told and "--viewer-port" in told
     assert "viewer" not in [process.name for process in cell_processes(blind, {})]
     assert seeing.viewer is not None and seeing.viewer.port
     assert seeing.viewer_data.port not in (0, taken.port), "data come from any free port"

@@ -31,7 +31,7 @@ def test_a_child_that_crashes_comes_back_later_and_later(supervise: Supervise) -
     running = supervise(rows, policy=policy)
     bystander = running.pid_of("bb")
     assert running.end() == 1
-    waits = re.findall(r"aa ended with exit code 7; starting it again in (\S+) s", "\n".join(running.lines))
+    waits = re.findall(r"aa ended with exit code 7; restarting in (\S+) s", "\n".join(running.lines))
     assert waits == ["0.01", "0.02", "0.04", "0.04"]
     assert any("giving up: it ended 5 times" in line for line in running.lines)
     assert not alive(bystander)
@@ -52,7 +52,7 @@ def test_a_killed_child_comes_back_with_a_new_pid(supervise: Supervise) -> None:
     running = supervise({"aa": STAY, "bb": STAY}, policy={"first_delay": 0.01})
     first = running.pid_of("aa")
     os.kill(first, signal.SIGKILL)
-    running.until("aa ended with SIGKILL; starting it again in 0.01 s")
+    running.until("aa ended with SIGKILL; restarting in 0.01 s")
     assert running.pid_of("aa") != first
     assert running.process.poll() is None
 
@@ -120,7 +120,7 @@ def test_what_cannot_be_run_ends_the_cell(supervise: Supervise) -> None:
 def test_a_cell_goes_on_without_what_is_optional(supervise: Supervise) -> None:
     running = supervise([{"name": "aa", "argv": ["/no/such/program"], "optional": True}, {"name": "bb", "argv": STAY}])
     pid = running.pid_of("bb")
-    running.until("aa ended with exit code 127; going on without it")
+    running.until("aa ended with exit code 127; continuing without it")
     assert running.process.poll() is None and alive(pid)
     running.process.terminate()
     assert running.end() == 0

@@ -39,6 +39,7 @@ from rackhand.services.planner.load import LoadStore
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.records import MoveStore
+from rackhand.services.planner.parameters import ParameterStore
 from rackhand.services.planner.settings import NavigationSettings
 from tests.chassis_models import LIMITS, chassis_model
 
@@ -155,7 +156,10 @@ class Cell:
         self.maps = MapStore(self.database)
         if self.with_map and self.maps.current is None:
             self.maps.use(self.maps.create(a_map(), 0))
-        self.chassis = Chassis(self.motion, self.moves, self.maps, self.settings, LoadStore(self.database))
+        self.parameters = ParameterStore(self.database)
+        self.chassis = Chassis(
+            self.motion, self.moves, self.maps, self.parameters, self.settings, LoadStore(self.database)
+        )
         self.chassis.on_message(chassis_model(limits=LIMITS.model_copy(update={"acceleration": 1000.0})))
         self.chassis.set_driver_fault("")
         self.sense()

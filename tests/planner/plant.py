@@ -46,7 +46,7 @@ def box(x: float, y: float, width: float, depth: float, yaw: float = 0.0) -> Arr
 
 @dataclass
 class Walker:
-    """A person: a disc that walks its way-points in a loop. ``polite`` ones stop in front of the robot."""
+    """A person: a disc that walks its waypoints in a loop. ``polite`` ones stop in front of the robot."""
 
     points: Array
     speed: float = 1.0

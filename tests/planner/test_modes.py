@@ -122,7 +122,7 @@ def test_remote_driving_goes_on_while_it_is_repeated(cell: Cell) -> None:
 
 
 def test_a_remote_twist_is_refused_with_its_reason(cell: Cell) -> None:
-    with pytest.raises(RequestRefused, match="control mode is auto; remote driving needs remote"):
+    with pytest.raises(RequestRefused, match="the control mode is auto; remote driving needs mode remote"):
         cell.ask(remote(0.1))
     cell.ask(SetControlMode(control_mode="remote"))
     cell.ask(SetEmergencyStop(enable=True))
@@ -157,13 +157,13 @@ def test_a_remote_twist_does_not_outlive_a_reset_of_time(cell: Cell) -> None:
 def test_the_jack_goes_until_it_has_arrived(make_cell: Callable[..., Cell]) -> None:
     cell = make_cell(jack=Jack(stamp=0, state="hold", progress=0.0, weight=0.0))
     assert cell.tick().jack == "hold"
-    assert cell.ask(JackRequest(direction="up")).detail == "the jack goes up, from 0%"
+    assert cell.ask(JackRequest(direction="up")).detail == "the jack moves up, from 0%"
     for progress in (0.0, 0.3, 0.9995):
         cell.jack = Jack(stamp=0, state="jacking_up", progress=progress, weight=0.0)
         assert cell.tick().jack == ("up" if progress < 0.9 else "hold")
     cell.jack = Jack(stamp=0, state="hold", progress=1.0, weight=0.0)
     cell.tick()
-    assert cell.ask(JackRequest(direction="up")).detail == "the jack is up already"
+    assert cell.ask(JackRequest(direction="up")).detail == "the jack is already up"
     cell.ask(JackRequest(direction="down"))
     assert cell.tick().jack == "down"
     cell.ask(SetEmergencyStop(enable=True))

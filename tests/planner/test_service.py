@@ -134,7 +134,7 @@ def test_an_error_in_a_request_is_answered_and_the_next_one_works(
     monkeypatch.setattr(cell.moves, "get", broken)
     first, second = Asked(topics.MOVES, MoveRequest(request=GetMove(id=5))), create()
     run(bus, cell, [Presence(DRIVER, True)], instant(cell, 0), [first, second])
-    assert first.answer == ("internal", "the planner failed to answer; its log says more")
+    assert first.answer == ("internal", "the planner failed to answer; see its log")
     assert second.answer.moves[0].state == "moving"
 
 

@@ -19,6 +19,7 @@ from rackhand.bus import Posted
 from rackhand.schemas import topics
 from rackhand.schemas.maps import DeleteMap, ListMaps, MapRequest, SelectMap
 from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveCreate, MoveRequest
+from rackhand.schemas.parameters import GetParameters, ParameterChanges, ParametersRequest, SetParameters
 from rackhand.services.planner.chassis import Chassis
 from rackhand.services.planner.moves.records import RESTARTED
 from rackhand.services.planner.service import PlannerService
@@ -39,7 +40,7 @@ class Planner(ListBus):
         self.cell = cell
         model = cell.chassis._state.model
         assert model is not None
-        cell.chassis = Chassis(cell.motion, self.store.moves, self.store.maps)
+        cell.chassis = Chassis(cell.motion, self.store.moves, self.store.maps, self.store.parameters)
         self.service = PlannerService(self, "amr1", cell.chassis, self.store)  # type: ignore[arg-type]
         cell.chassis.on_message(model)
         cell.chassis.set_driver_fault("")
@@ -69,6 +70,9 @@ class Planner(ListBus):
     def map(self, request: Any) -> Asked:
         return self.ask(topics.MAPS, MapRequest(request=request))
 
+    def parameters(self, request: Any) -> Asked:
+        return self.ask(topics.CHASSIS_PARAMETERS, ParametersRequest(request=request))
+
     def in_thread(self, job: Callable[[sqlite3.Connection], Any]) -> Any:
         return self.store._thread.call(lambda database: job(database.connection))
 
@@ -92,6 +96,7 @@ def planner(make_cell: Callable[..., Cell], tmp_path: Path) -> Iterator[Planner]
 
 
 CREATE = CreateMove(move=MoveCreate(target_x=3.0, target_y=0.0))
+SLOW = SetParameters(changes=ParameterChanges(max_forward_velocity=0.1))
 LARGE = CreateMove(move=MoveCreate(target_x=3.0, target_y=0.0, properties={"note": "x" * 500_000}))
 
 
@@ -201,7 +206,44 @@ def test_a_map_that_cannot_be_stored_is_refused_and_undone(planner: Planner) -> 
     assert created.answer.data.map_name == "second"
 
 
+def test_parameters_take_effect_at_once_and_are_answered_when_they_are_on_disk(planner: Planner) -> None:
+    planner.in_thread(lambda c: c.execute("PRAGMA busy_timeout = 120000"))  # a first tick may compile
+    planner.move(CREATE)
+    planner.settle()
+    with sqlite3.connect(planner.store.path, isolation_level=None) as other:
+        other.execute("BEGIN IMMEDIATE")
+        asked = planner.parameters(SLOW)
+        assert planner.service.tick(False).twist.linear == pytest.approx(0.1)
+        assert asked.answer is None
+        other.execute("ROLLBACK")
+    other.close()
+    planner.settle()
+    assert asked.answer.values.max_forward_velocity == 0.1
+    assert planner.in_thread(lambda c: c.execute("SELECT value FROM meta WHERE key = 'parameters'").fetchone()) == (
+        '{"max_forward_velocity":0.1}',
+    )
+
+
+def test_parameters_that_cannot_be_stored_are_refused_and_undone(planner: Planner) -> None:
+    planner.parameters(SetParameters(changes=ParameterChanges(max_forward_velocity=0.3)))
+    planner.settle_all()
+    planner.in_thread(lambda c: c.execute("PRAGMA query_only = ON"))
+    asked, read = planner.parameters(SLOW), planner.parameters(GetParameters())
+    assert planner.cell.motion.settings.control.max_forward_velocity == 0.1
+    planner.settle_all()
+    assert asked.answer == ("unavailable", "could not be stored: attempt to write a readonly database")
+    assert read.answer is not None
+    again = planner.parameters(GetParameters())
+    assert again.answer.values.max_forward_velocity == 0.3
+    assert planner.cell.motion.settings.control.max_forward_velocity == 0.3
+    planner.in_thread(lambda c: c.execute("PRAGMA query_only = OFF"))
+    asked = planner.parameters(SLOW)
+    planner.settle_all()
+    assert asked.answer.values.max_forward_velocity == 0.1
+
+
 def test_all_that_was_answered_is_there_after_a_restart(planner: Planner, tmp_path: Path) -> None:
+    planner.parameters(SLOW)
     planner.move(CREATE)
     planner.move(CREATE)
     planner.move(CancelMove())
@@ -214,6 +256,7 @@ def test_all_that_was_answered_is_there_after_a_restart(planner: Planner, tmp_pa
         assert store.moves.page(0, None) == moves
         assert [move.state for move in moves] == ["cancelled", "cancelled"]
         assert store.maps.current == current
+        assert store.parameters.changes == ParameterChanges(max_forward_velocity=0.1)
         assert [row.map_name for row in store.maps.list()] == ["hall", "second"]
 
 

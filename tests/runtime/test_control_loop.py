@@ -132,7 +132,7 @@ def test_a_measurement_is_answered_before_a_request_and_after_one_that_waits_for
 def test_a_handler_that_raises_refuses_its_request_only(core: Core) -> None:
     first, second = asked("fail"), asked("move")
     run(core, [first, second, state(0)])
-    assert first.answer == ("internal", "the controller failed to answer; its log says more")
+    assert first.answer == ("internal", "the controller failed to answer; see its log")
     assert ("request", "move") in core.log
     assert commands(core) == [0]
 

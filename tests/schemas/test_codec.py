@@ -100,8 +100,8 @@ def test_an_array_that_must_be_finite_is_refused_when_it_is_not() -> None:
     ("encoding", "told"),
     [
         ("application/json", "want application/msgpack"),
-        ("application/msgpack;chassis.Scan@1#000000000000", "calls it 'chassis.Scan'"),
-        ("application/msgpack;chassis.Odometry@2#000000000000", "version 2, this side 1"),
+        ("application/msgpack;chassis.Scan@1#000000000000", "names it 'chassis.Scan'"),
+        ("application/msgpack;chassis.Odometry@2#000000000000", "version 2, this side version 1"),
     ],
 )
 def test_another_encoding_type_or_version_is_refused(encoding: str, told: str) -> None:

@@ -54,7 +54,7 @@ def test_the_log_tells_who_holds_control_and_who_stopped(view: ArmView) -> None:
     assert notes(view.status(held)) == []
     assert ("INFO", "unlocked") in notes(view.status(arm_status(0)))
     pumping = arm_status(0).model_copy(update={"gripper": Gripper(suction=True, holding=True)})
-    assert notes(view.status(pumping)) == [("INFO", "suction on, something is held")]
+    assert notes(view.status(pumping)) == [("INFO", "suction on, holding an object")]
     assert notes(view.status(arm_status(0))) == [("INFO", "suction off")]
     stopped = arm_status(0).model_copy(update={"stopped_by": "x" * 40})
     assert notes(view.status(stopped)) == [("ERROR", f"stopped by {'x' * 12}…")]

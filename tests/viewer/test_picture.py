@@ -16,7 +16,7 @@ def test_every_topic_that_the_viewer_reads_is_drawn_and_no_other() -> None:
 
 def test_a_topic_that_nothing_draws_is_an_error_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(ROUTES, topics.JACK.name)
-    with pytest.raises(LookupError, match="nothing draws chassis/jack"):
+    with pytest.raises(LookupError, match="no view draws chassis/jack"):
         drawn_topics()
 
 

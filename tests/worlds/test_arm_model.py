@@ -43,10 +43,10 @@ def test_the_yaml_and_the_mjcf_describe_the_same_arm(name: str) -> None:
         ({"jerk": [1.0] * 5 + [-1.0]}, "jerk.5: Input should be greater than 0"),
         ({"acceleration": [1.0] * 5 + [float("nan")]}, "acceleration.5: Input should be a finite number"),
         ({"task_velocity": [1.0]}, "task_velocity.1: Field required"),
-        ({"self_collision": [["base", "elbo"]]}, "self_collision: 'elbo' is no sphere; expected one of ['base',"),
+        ({"self_collision": [["base", "elbo"]]}, "self_collision: 'elbo' is not a sphere; expected one of ['base',"),
         (
             {"spheres": [{"name": "s", "body": "b", "at": [0, 0, 0], "radius": 1}] * 2},
-            "spheres: 's' is the name of two",
+            "spheres: 's' is used twice",
         ),
         ({"speed": 1}, "unknown key 'speed'; known: ['acceleration',"),
     ],

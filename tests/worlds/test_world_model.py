@@ -99,9 +99,9 @@ def test_items_lie_where_the_file_says_and_are_told_of(tmp_path: Path) -> None:
         (lambda w: w["items"]["tin"].update(z=1.0), "items.tin: lies_on 'table' and z 1: want one of the two"),
         (
             lambda w: w["items"]["tin"].update(lies_on="wall_a"),
-            "items.tin.lies_on: 'wall_a' is no box and no rack",
+            "items.tin.lies_on: 'wall_a' is neither a box nor a rack",
         ),
-        (lambda w: w["items"]["tin"].update(pose=[4, 3.4, 0]), "items.tin.pose: its middle is not over table, which"),
+        (lambda w: w["items"]["tin"].update(pose=[4, 3.4, 0]), "items.tin.pose: its centre is not above table, which"),
         (lambda w: w["items"].update(a1=w["items"]["tin"]), "the name 'a1' is used in racks and in items"),
         (lambda w: w.pop("bounds"), "bounds: Field required"),
     ],
@@ -126,7 +126,7 @@ def test_an_unknown_world_names_those_that_are() -> None:
 @pytest.mark.parametrize(
     ("parts", "told"),
     [
-        ({"statics": {"box_a": {"kind": "box", "pose": (0, 0, 0), "size": (1, 1, 1)}}}, "amr1.pose.*stand in 'box_a'"),
+        ({"statics": {"box_a": {"kind": "box", "pose": (0, 0, 0), "size": (1, 1, 1)}}}, "amr1.pose.*overlap 'box_a'"),
         ({"obstacles": {"c": {"kind": "box", "pose": (3, 0, 0), "size": (1, 1)}}}, "want l, w, h"),
         ({"movers": {"a": {"motion": {"kind": "walk", "points": [(2, 2), (2, 2)]}}}}, "a walk needs two points"),
     ],

@@ -241,7 +241,7 @@ class Access:
             self._moved_by = entry.client if self._moved_by else None
             self._kept_for = entry.client if self._kept_for else None
         elif foreign:
-            self._stop_motion("softStop", clear=True, reason=f"control passes to {entry.client}")
+            self._stop_motion("softStop", clear=True, reason=f"control goes to {entry.client}")
         self._record.event("controlGranted", entry.client, entry)
 
     def _lose(self, reason: LossReason, effect: OnLoss, by: Entry | None = None) -> None:
@@ -267,8 +267,8 @@ class Access:
             self._lose(reason, held.on_loss)
             self._promote()
         elif self._moved_by == client:
-            self._record.audit(reason, Caller(client), 0, "stopped what it had left running")
-            self._stop_motion("softStop", clear=True, reason=f"{client} is gone: {reason}")
+            self._record.audit(reason, Caller(client), 0, "motion left by the client was stopped")
+            self._stop_motion("softStop", clear=True, reason=f"{client} has disconnected: {reason}")
 
     def _expire(self) -> None:
         held = self._holder

@@ -61,7 +61,7 @@ def _check_task(request: crf.AppendTaskPath, _arm: RobotConfiguration) -> str:
         if not pose.finite:
             return f"data[{i}] holds a number that is not finite"
         if (far := max(map(abs, pose.position))) > FARTHEST:
-            return f"data[{i}] is {far:g} m away, beyond any arm's reach"
+            return f"data[{i}] is {far:g} m from the base, beyond the reach of any arm"
     return wrong_reference(request.reference)
 
 

@@ -122,7 +122,7 @@ class CommandTable:
                 self._by_name[name] = (*self._by_name.get(name, ()), spec)
         for name, variants in self._by_name.items():
             if len({crf.type_of(spec.model) for spec in variants}) < len(variants):
-                raise CommandTableError(f"rows of {name} that no ``type`` tells apart")
+                raise CommandTableError(f"rows of {name} that ``type`` does not distinguish")
 
     def __iter__(self) -> Iterator[CommandSpec[Any]]:
         return iter(self._specs)

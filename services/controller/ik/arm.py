@@ -163,7 +163,7 @@ def _add_joint(model: pin.Model, compiled: mujoco.MjModel, joint: int, parent: i
     kind, axis = int(compiled.jnt_type[joint]), compiled.jnt_axis[joint].copy()
     name = compiled.joint(joint).name
     if kind not in (2, 3):  # mjJNT_SLIDE, mjJNT_HINGE
-        raise ArmError(f"joint {name!r} is neither hinge nor slide: an arm has no other")
+        raise ArmError(f"joint {name!r} must be a hinge or a slide joint")
     maker = pin.JointModelRevoluteUnaligned if kind == 3 else pin.JointModelPrismaticUnaligned
     pose = placement * pin.SE3(np.eye(3), compiled.jnt_pos[joint].copy())
     added: int = model.addJoint(parent, maker(axis), pose, name)
@@ -183,7 +183,7 @@ def _chain(model: pin.Model, tool: int) -> tuple[Array, list[Array]]:
     if parents != list(range(model.nv)) or any("Revolute" not in kind for kind in kinds) or model.nv == 0:
         raise ArmError(f"{model.name}: a serial chain of revolute joints was expected, found {kinds} on {parents}")
     if model.frames[tool].parentJoint != model.nv:
-        raise ArmError(f"{model.name}: tool {model.frames[tool].name!r} does not hang on the last joint")
+        raise ArmError(f"{model.name}: tool {model.frames[tool].name!r} is not attached to the last joint")
     z = np.array([0.0, 0.0, 1.0])
     turns = [np.eye(3)]
     for joint in range(1, model.njoints):
@@ -220,7 +220,7 @@ def _rest_pose(compiled: mujoco.MjModel, body: int) -> pin.SE3:
     pose = pin.SE3.Identity()
     while body:
         if compiled.body_jntnum[body]:
-            raise ArmError(f"base {compiled.body(body).name!r} must be fixed in the world but hangs on a joint")
+            raise ArmError(f"base {compiled.body(body).name!r} must be fixed in the world but is attached to a joint")
         pose = _pose(compiled.body_pos[body], compiled.body_quat[body]) * pose
         body = int(compiled.body_parentid[body])
     return pose

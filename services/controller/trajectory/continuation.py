@@ -126,7 +126,7 @@ def follow(
     corners = path.legs.s[path.legs.stop]
     q, left = follower.corrected(q, path.at(s).pose)
     if left > 1e3 * options.residual:
-        raise PathRefused(first, f"the arm is not where the path begins: {left:.2g} m or rad away")
+        raise PathRefused(first, f"the arm is not at the start of the path: {left:.2g} m or rad away")
     knots = [follower.knot(s, q, path.at(s))]
     step = options.longest
     for stop in stops:
@@ -157,7 +157,7 @@ def _advance(follower: _Follower, knots: list[_Knot], stop: float, step: float, 
         if new is not None:
             outside = follower.limits.outside(new.q)
             if outside is not None:
-                raise PathRefused(_point(follower, s, first), f"before it, {outside}")
+                raise PathRefused(_point(follower, s, first), f"on the path before this point, {outside}")
             knots.append(new)
             return min(follower.options.longest, 1.6 * (s - here.s) if s < stop else max(step, 1.6 * (s - here.s)))
         step = (s - here.s) / 2
@@ -177,8 +177,8 @@ def _why(follower: _Follower, here: _Knot) -> str:
     size, angle = float(np.linalg.norm(error[:3])), float(np.degrees(np.linalg.norm(error[3:])))
     if size < 1e-6 and angle < 1e-3:
         jump = float(np.abs(q - here.q).max())
-        return f"{to_go:.4f} m of path before it the arm would have to jump by {jump:.2f} rad"
-    return f"out of reach: {to_go:.4f} m of path before it the arm falls behind by {size * 1e3:.2f} mm and {angle:.2f}°"
+        return f"{to_go:.4f} m before this point the joints would have to jump by {jump:.2f} rad"
+    return f"out of reach: {to_go:.4f} m before this point the tool deviates by {size * 1e3:.2f} mm and {angle:.2f}°"
 
 
 def _point(follower: _Follower, s: float, first: int) -> int:

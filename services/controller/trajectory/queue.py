@@ -118,11 +118,11 @@ class MotionQueue:
             points = [TcpPose(now.translation, now.rotation) @ point for point in points]
         for i, point in enumerate(points):
             if not (np.isfinite(point.translation).all() and np.isfinite(point.rotation).all()):
-                raise PathRefused(i, "its pose is not finite")
+                raise PathRefused(i, "the pose is not finite")
         queue = self._for(t, "task")
         poses, kept = _distinct_poses(self.arm.kinematics.forward(queue._end()), points)
         if not kept:
-            raise PathRefused(0, "every waypoint is where the path before it ends: there is nothing to drive")
+            raise PathRefused(0, "all waypoints equal the end of the previous path: no motion")
         try:
             if method == Method.JOINT_SPACE:
                 return queue._add_joints(t, "task", queue._solve(poses[1:]))
@@ -199,22 +199,22 @@ class MotionQueue:
         for i, pose in enumerate(poses):
             q = self.arm.kinematics.solve(pose, near)
             if q is None:
-                raise PathRefused(i, "no joint positions within the limits reach it")
+                raise PathRefused(i, "no joint positions within the limits reach this pose")
             self._check(i, q)
             missed = pose_error(self.arm.kinematics.forward(q), pose)
             if np.abs(missed).max() > _REACHED:
                 far, turned = 1e3 * np.linalg.norm(missed[:3]), np.degrees(np.linalg.norm(missed[3:]))
                 away = f"{far:.1f} mm and {turned:.2f}° away"
-                raise PathRefused(i, f"out of reach: the nearest the arm gets to it is {away}")
+                raise PathRefused(i, f"out of reach: the nearest reachable pose is {away}")
             solved.append(q)
             near = q
         return solved
 
     def _check(self, i: int, q: Array) -> None:
         if q.shape != self.rest.shape:
-            raise PathRefused(i, f"it has {q.size} numbers, the arm {self.rest.size} joints")
+            raise PathRefused(i, f"{q.size} numbers for {self.rest.size} joints")
         if not np.isfinite(q).all():
-            raise PathRefused(i, "it is not finite")
+            raise PathRefused(i, "the joint positions are not finite")
         outside = self.arm.joints.joints.outside(q)
         if outside is not None:
             raise PathRefused(i, outside)

@@ -1,1 +1,2 @@
-"""Routes of the chassis API. Read ``models`` (bodies), then ``moves``, ``chassis``, ``maps``, ``device``, ``files``."""
+"""Routes of the chassis API. Read ``models`` (bodies), then ``moves``, ``chassis``, ``maps``, ``device``,
+``parameters``, ``files``."""

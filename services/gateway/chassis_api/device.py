@@ -54,7 +54,7 @@ async def device_info(gateway: Gateway) -> dict[str, Any]:
     robot = gateway.chassis
     model = gateway.state.facts.newest(topics.CHASSIS_MODEL)
     if model is None:
-        raise unavailable(f"the driver of {robot} has not told its body yet")
+        raise unavailable(f"the driver of {robot} has not published its model yet")
     gitinfo = await asyncio.to_thread(git_info)  # the first call runs git
     return {**device_info_brief(gateway.state), "robot": _robot(model), "caps": _caps(model), "gitinfo": gitinfo}
 

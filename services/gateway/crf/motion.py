@@ -76,7 +76,7 @@ async def status(arm: str, request: Request, gateway: Gateway, x_client: Client 
     answer = await _call(gateway, arm, topics.MOTION, _session(gateway, request, x_client), GET_STATUS)
     found = message_of(answer)
     if not isinstance(found, dict):
-        raise unavailable(f"the controller of {arm} gave no status: {answer[:200]}")
+        raise unavailable(f"the controller of {arm} returned no status: {answer[:200]}")
     return found
 
 

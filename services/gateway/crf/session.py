@@ -118,7 +118,7 @@ class Session:
     def _overtake(self) -> None:
         """A stop waits for nothing; what was asked before it must not move the arm after it."""
         for request in self._commands.clear():
-            self.answer(error_text(CrfCode.Conflict, "not sent: a stop has overtaken it", request.envelope))
+            self.answer(error_text(CrfCode.Conflict, "not sent: a stop arrived first", request.envelope))
 
     async def _carry(self, query: MotionQuery, request: Waiting) -> None:
         envelope = request.envelope

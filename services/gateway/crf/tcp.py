@@ -63,7 +63,7 @@ class CrfPort:
     def _ended(self, task: asyncio.Task[None]) -> None:
         self._connections.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
-            log.error("a CRF connection failed", arm=self.arm, exc_info=error)
+            log.error("internal error in a CRF connection", arm=self.arm, exc_info=error)
 
 
 class Wire:
@@ -115,7 +115,7 @@ class Wire:
     async def close(self) -> None:
         """What is written goes out if the client reads on; one that does not is cut off."""
         if self._decoder.skipped:
-            log.info("bytes of a CRF client were no packet", skipped=self._decoder.skipped)
+            log.info("invalid bytes from a CRF client skipped", skipped=self._decoder.skipped)
         self._writer.close()
         try:
             async with asyncio.timeout(LINGER):

@@ -83,13 +83,13 @@ def from_bus(error: BusError | MalformedMessage) -> JSONResponse:
         case Refused(code=RefusalCode.UNAVAILABLE | RefusalCode.TIMEOUT):
             return detail(503, error.text)
         case Refused():
-            log.error("a service failed over a request", code=error.code, text=error.text)
+            log.error("a service answered with an internal error", code=error.code, text=error.text)
             return detail(500, error.text)
         case Unavailable() | CallTimeout():
             return detail(503, str(error))
         case _:
-            log.error("an answer from the bus could not be read", error=str(error))
-            return detail(503, f"the answer from the bus could not be read: {error}")
+            log.error("invalid answer from a service", error=str(error))
+            return detail(503, f"invalid answer from a service: {error}")
 
 
 def install(app: FastAPI, allowed: Callable[[str], str]) -> None:

@@ -239,7 +239,9 @@ class Hub:
             payload = self.state.payload(topic)
             return None if payload is None else frame(name, payload)
         except (ValueError, TypeError, RecursionError) as error:
-            log.warning("a value cannot be sent as JSON", topic=topic, robot=self.state.robot, error=str(error))
+            log.warning(
+                "value not encodable as JSON; frame not sent", topic=topic, robot=self.state.robot, error=str(error)
+            )
             return None
 
     def _publish(self, topic: str, payload: ws.Frame) -> None:

@@ -19,7 +19,7 @@ Why such a move fails, and when:
                                 but observed obstacles block it for longer than ``sealed_patience``
  14  planning_timeout           later: there has been no path for ``planning_timeout``
  15  move_timeout               there is a path, but no progress on it for ``move_timeout``: an obstacle blocks it, or
-                                the chassis does not follow its commands
+                                the chassis does not follow velocity commands
  18  rotate_timeout             a turn to the goal's heading comes no nearer to it for ``rotate_timeout``
 ==== ========================== =======================================================================================
 
@@ -97,7 +97,7 @@ class DriveToPose:
             raise MoveFailed(
                 MoveFailReason.STARTING_EQUAL_ENDING,
                 f"inplace_rotate without target_ori, and the chassis is already within {goal.accuracy} m of the goal "
-                f"({target.x:.3f}, {target.y:.3f}): there is nothing to turn to",
+                f"({target.x:.3f}, {target.y:.3f}): no rotation to make",
             )
 
     def _target_pose(self) -> Pose2:
@@ -212,7 +212,7 @@ class DriveToPose:
                 error = wrap(tracker.segment.points[tracker.index][2] - ctx.pose[2])
                 self._progress.update(ctx.stamp, "turn", abs(error))
         blocked = ctx.vetoed or self._keeper.is_blocked
-        why = "blocked by an obstacle" if blocked else "the chassis does not follow its commands"
+        why = "blocked by an obstacle" if blocked else "the chassis does not follow velocity commands"
         self._progress.check(ctx.stamp, self._stage, why)
 
     def _measured(self, ctx: Context) -> Status:

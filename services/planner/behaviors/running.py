@@ -41,7 +41,7 @@ class RunningMove:
 
     def hold_for_jack(self, direction: str) -> None:
         """Wait this tick for the jack, which travels."""
-        self.hold(f"the jack is going {direction}; the move starts when it has arrived")
+        self.hold(f"the jack is moving {direction}; the move starts when it has arrived")
         self._awaits_jack = True
 
     def check_jack(self, failure: str | None) -> None:

@@ -82,7 +82,7 @@ class BrakingGuard:
                 command = profile.limited(self.command, share * linear, share * angular, dt, limits)
                 if braking_is_free(view.pose, measured, command, PERIOD, obstacles, edges, settings):
                     return self._next(command, stamp, vetoed=share < 1.0)
-        return self._next(profile.braked(self.command, dt, settings.control), stamp, vetoed=True)
+        return self._next(profile.braked(self.command, dt, settings.own), stamp, vetoed=True)
 
     def brake(self, stamp: int, limits: Limits) -> Twist2:
         """The next command of the shortest stop."""
@@ -114,11 +114,11 @@ def braking_is_free(
     ``obstacles``: rows x, y (map frame), vx, vy (m/s), margin (m). Something is hit when it comes nearer to the body
     than its margin and nearer than it would if the chassis stood still, so leaving a tight place is not forbidden.
     """
-    a, c = settings.actuation, settings.control
+    a, own = settings.actuation, settings.own
     return bool(
         _braking_is_free(
             pose, measured.linear, measured.angular, command.linear, command.angular, hold + a.latency, a.lag,
-            -c.max_forward_decel, c.max_angular_acc, obstacles, body_edges,
+            -own.max_forward_decel, own.max_angular_acc, obstacles, body_edges,
         )
     )  # fmt: skip
 

@@ -14,7 +14,7 @@ from rackhand.services.planner.geometry.footprint import Footprint, distance_to_
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.field import Field
-from rackhand.services.planner.settings import NavigationSettings
+from rackhand.services.planner.settings import Limits, NavigationSettings
 
 Array = NDArray[np.float64]
 STEP = 0.2  # s
@@ -29,6 +29,10 @@ class DynamicAvoidance:
         self._settings = settings
         self._mppi = Mppi(settings)
         self._until = 0
+
+    def set_limits(self, limits: Limits) -> None:
+        """What may be commanded from now on."""
+        self._mppi.set_limits(limits)
 
     def begin(self) -> None:
         """A move begins: nothing to avoid yet."""

@@ -92,7 +92,7 @@ class Mppi:
         self._settings = settings
         # Whole numbers among the settings would make compiled code of their own.
         self._costs = MppiCosts(*(float(cost) for cost in m.costs))
-        self._limits = Limits(*(float(limit) for limit in settings.control))
+        self.set_limits(settings.control)
         random = np.random.default_rng(SEED)
         white = random.standard_normal((m.banks, m.samples, m.steps, 2))
         for t in range(1, m.steps):
@@ -100,6 +100,10 @@ class Mppi:
             white[:, :, t] = m.noise_correlation * white[:, :, t - 1] + fresh
         self._noise = white * (m.noise_linear, m.noise_angular)
         self.restart()
+
+    def set_limits(self, limits: Limits) -> None:
+        """What may be commanded from now on."""
+        self._limits = Limits(*(float(limit) for limit in limits))
 
     def restart(self) -> None:
         """Forget the last solution; a run from here depends on nothing before."""

@@ -37,7 +37,7 @@ def check_png(png: bytes) -> tuple[int, int]:
     except UnidentifiedImageError:
         raise _invalid("png", f"not a PNG image ({len(png)} bytes, starts {png[:8].hex() or 'with nothing'})") from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise _invalid("png", f"cannot be read to its end: {error}") from None
+        raise _invalid("png", f"truncated or damaged: {error}") from None
     return width, height
 
 

@@ -74,7 +74,9 @@ def _origin(description: dict[str, Any], path: Path) -> tuple[float, float]:
     if not isinstance(origin, list) or len(origin) not in (2, 3) or not all(_is_number(v) for v in origin):
         raise MapDirectoryError(f"{path}: origin is {origin!r}, want [x, y, 0] of the lower-left corner in metres")
     if len(origin) == 3 and origin[2] != 0:
-        raise MapDirectoryError(f"{path}: origin is turned by {origin[2]} rad; maps with a turned origin are not read")
+        raise MapDirectoryError(
+            f"{path}: origin is rotated by {origin[2]} rad; maps with a rotated origin are not supported"
+        )
     return float(origin[0]), float(origin[1])
 
 

@@ -72,7 +72,7 @@ def _decode(data: MapData) -> NDArray[np.uint8]:
     try:
         with Image.open(io.BytesIO(data.png), formats=["PNG"]) as image:
             if image.width * image.height > MAX_CELLS:
-                raise ValueError(f"{image.width} x {image.height} cells, at most {MAX_CELLS} are taken")
+                raise ValueError(f"{image.width} x {image.height} cells, at most {MAX_CELLS} are supported")
             grey = np.asarray(image.convert("L"))
     except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError) as error:
         raise _unusable(data, f"its PNG ({len(data.png)} bytes) cannot be read: {error}") from None

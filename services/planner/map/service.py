@@ -96,7 +96,7 @@ class MapService:
             self._user.set_map(data)
         except MoveFailed as failed:
             self.load()
-            raise RequestRefused(RefusalCode.INVALID, f"the map cannot be driven by: {failed.text}") from None
+            raise RequestRefused(RefusalCode.INVALID, f"the map is not usable for navigation: {failed.text}") from None
         self._store.use(data)
         self.trouble = None
         self.changes += 1

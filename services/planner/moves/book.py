@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Protocol
 
+from rackhand.schemas.base import Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import DEPRECATED_MOVE_TYPES, Move, MoveCreate
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
@@ -123,3 +124,10 @@ def _ended(move: Move, state: EndState, now: int, reason: MoveFailReason = MoveF
             "last_modified_time": max(now, move.last_modified_time),
         }
     )
+
+
+def target_of(request: MoveCreate) -> Pose2 | None:
+    """The target as requested, map frame; None for a move without a position."""
+    if request.target_x is None or request.target_y is None:
+        return None
+    return Pose2(x=request.target_x, y=request.target_y, yaw=request.target_ori or 0.0)

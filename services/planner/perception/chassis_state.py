@@ -62,9 +62,9 @@ class ChassisState:
     def pose_trouble(self) -> str | None:
         """Why the robot does not know where it is; None when it does."""
         if self.odometry is None:
-            return "the chassis' driver has not been heard"
+            return "no message from the chassis driver yet"
         if self.pose is None:
-            return "no localised pose has been heard"
+            return "no localised pose received yet"
         if self.pose.quality == QUALITY_LOST:
             return "the localiser has lost the position"
         age = self.odometry.stamp - self.pose.stamp

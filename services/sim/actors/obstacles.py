@@ -55,7 +55,8 @@ class Obstacles:
             slot = free.pop(0)
         else:
             raise RequestRefused(
-                RefusalCode.PRECONDITION, f"all {SLOTS[kind]} places for a {kind} are taken; remove one first"
+                RefusalCode.PRECONDITION,
+                f"all {SLOTS[kind]} slots for obstacles of kind {kind} are in use; remove one first",
             )
         if former is not None and former.kind != kind:
             self._park(former)

@@ -67,7 +67,7 @@ def make_route(points: Sequence[Point], speed: float, wait: float = 0.0) -> Rout
     """A loop through the points; a point that repeats the one before it is left out. Raises ``ValueError``."""
     distinct = [p for i, p in enumerate(points) if math.dist(p, points[i - 1]) > SHORTEST_LEG]
     if len(distinct) < 2:
-        raise ValueError(f"a walk needs two points more than {SHORTEST_LEG} m apart, got {list(points)}")
+        raise ValueError(f"a walk needs two points that are more than {SHORTEST_LEG} m apart, got {list(points)}")
     if not 0 < speed <= FASTEST:
         raise ValueError(f"a walk needs a speed above 0 and up to {FASTEST} m/s, got {speed}")
     return Route(tuple(distinct), speed, wait)

@@ -111,7 +111,7 @@ def test_published_reach() -> None:
             {"spheres": [{"name": "s", "body": "b", "at": [0, 0, 0], "radius": 1}], "self_collision": []},
             "'b' of the arm",
         ),
-        ({"tool": "forearm_link"}, "does not hang on the last joint"),
+        ({"tool": "forearm_link"}, "is not attached to the last joint"),
     ],
 )
 def test_a_description_that_does_not_fit_the_mjcf_is_refused(change: dict, says: str) -> None:

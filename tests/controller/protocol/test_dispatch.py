@@ -135,7 +135,7 @@ def test_a_malformed_command_is_a_bare_400(request_: dict[str, Any]) -> None:
             "0.1% of",
         ),
         ({"command": "setProfileAcceleration", "priority": 10, "type": "joints", "data": ["inf"] * 6}, "is inf"),
-        ({**TASK_PATH, "data": [{**POSE, "Position": [0, -1e12, 0]}]}, "data[0] is 1e+12 m away"),
+        ({**TASK_PATH, "data": [{**POSE, "Position": [0, -1e12, 0]}]}, "data[0] is 1e+12 m from the base"),
         ({"command": "setParameters", "priority": 10, "data": {"Controller": {"Gain": 1}}}, "Controller.Gain"),
         (
             {

@@ -49,7 +49,7 @@ def test_a_point_out_of_reach_is_refused_with_its_number_and_the_distance(
 ) -> None:
     start = arm.forward(home)
     path = task_path([start, moved(start, (0, 0.1, 0)), moved(start, (0, 2.0, 0))], Tolerance())
-    with pytest.raises(PathRefused, match=r"waypoint 1: out of reach: .* m of path before it .* mm and .*°") as refused:
+    with pytest.raises(PathRefused, match=r"waypoint 1: out of reach: .* m before this point .* mm and .*°") as refused:
         follow(arm, limits, path, home)
     assert refused.value.point == 1
 
@@ -58,7 +58,7 @@ def test_a_joint_that_would_leave_its_limits_refuses_the_path() -> None:
     limits = JointLimits(UR5E_HOME - 0.2, UR5E_HOME + 0.2, *(np.ones(6),) * 3)
     start = UR5E.forward(UR5E_HOME)
     path = task_path([start, moved(start, (0, 0.3, 0))], Tolerance())
-    with pytest.raises(PathRefused, match=r"waypoint 0: before it, joint \d at .* rad outside"):
+    with pytest.raises(PathRefused, match=r"waypoint 0: on the path before this point, joint \d at .* rad outside"):
         follow(UR5E, limits, path, UR5E_HOME)
 
 
@@ -69,7 +69,7 @@ def test_an_arm_that_is_not_where_the_path_begins_is_refused_rather_than_moved_t
 
     start = UR5E.forward(UR5E_HOME)
     path = task_path([moved(start, (0.1, 0, 0)), start], Tolerance())
-    with pytest.raises(PathRefused, match="not where the path begins"):
+    with pytest.raises(PathRefused, match="not at the start of the path"):
         follow(Stuck(UR5E.table), UR5E_LIMITS, path, UR5E_HOME)
 
 

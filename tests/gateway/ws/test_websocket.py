@@ -178,7 +178,7 @@ def test_remote_driving_is_fed_back_per_command_and_refused_in_other_modes(gatew
     with gateway.websocket() as client:
         assert client.ask(TWIST) == {
             "topic": "/error",
-            "detail": "precondition: control mode is auto; remote driving needs remote",
+            "detail": "precondition: the control mode is auto; remote driving needs mode remote",
         }
         gateway.http.post("/services/wheel_control/set_control_mode", json={"control_mode": "remote"})
         for _ in range(3):

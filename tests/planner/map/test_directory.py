@@ -45,7 +45,7 @@ def test_the_uid_changes_with_the_content(tmp_path: Path) -> None:
         ({"resolution": "fine"}, "resolution is 'fine', want a number"),
         ({"resolution": -1}, "resolution"),
         ({"origin": [0]}, r"origin is \[0\], want"),
-        ({"origin": [0, 0, 1.5]}, "turned by 1.5 rad"),
+        ({"origin": [0, 0, 1.5]}, "rotated by 1.5 rad"),
         ({"negate": 1}, "negate is 1, want 0"),
         ({"overlays": {"type": "x"}}, "overlays.type: 'x', want 'FeatureCollection'"),
     ],

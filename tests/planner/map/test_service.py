@@ -180,7 +180,7 @@ def test_a_uid_is_used_once(cell: Cell) -> None:
     [
         ({"png": b""}, "png: not a PNG image (0 bytes, starts with nothing)"),
         ({"png": b"GIF89a" + bytes(50)}, "png: not a PNG image (56 bytes, starts 474946383961"),
-        ({"png": png()[:-20]}, "png: cannot be read to its end"),
+        ({"png": png()[:-20]}, "png: truncated or damaged"),
         ({"png": png("RGB")}, "png: its mode is RGB, want 8-bit grey (L)"),
         ({"png": png("1")}, "png: its mode is 1, want 8-bit grey (L)"),
         ({"png": png(size=(10_000, 6_000))}, "png: 10000 × 6000 pixels, want at most 50,000,000"),
@@ -242,7 +242,7 @@ def test_a_map_that_navigation_cannot_read_is_refused_and_the_old_one_stays(cell
     move = cell.create()
     cell.ask_maps(a_map("second"))
     cell.motion.maps = (MoveFailed(MoveFailReason.GET_MAP_FAILED, "all of it is wall"),)
-    with pytest.raises(RequestRefused, match="cannot be driven by: all of it is wall"):
+    with pytest.raises(RequestRefused, match="not usable for navigation: all of it is wall"):
         cell.ask_maps(SelectMap(id=2))
     assert cell.motion.map == data_of(cell, GetMap())
     assert data_of(cell, GetMap()).id == 1

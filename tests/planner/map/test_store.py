@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from rackhand.schemas.maps import PatchMap
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.map.directory import DirectoryMap
@@ -32,16 +33,16 @@ def test_maps_are_there_after_the_store_is_opened_again(database: Database) -> N
 def test_a_patch_counts_the_overlays_and_never_goes_back_in_time(database: Database) -> None:
     store = MapStore(database)
     made = store.create(a_map("one"), 100)
-    patched = store.patch(made.id, "other", made.overlays, 90)
+    patched = store.patch(PatchMap(id=made.id, map_name="other", overlays=made.overlays), 90)
     assert (patched.map_name, patched.overlays_version, patched.last_modified_time) == ("other", 1, 100)
-    assert store.patch(made.id, None, None, 120).overlays_version == 1
+    assert store.patch(PatchMap(id=made.id), 120).overlays_version == 1
 
 
 def test_the_map_in_use_is_a_copy_and_survives_its_deletion(database: Database) -> None:
     store = MapStore(database)
     made = store.create(a_map("one"), 100)
     store.use(made)
-    store.patch(made.id, "other", None, 101)
+    store.patch(PatchMap(id=made.id, map_name="other"), 101)
     assert store.current == made
     assert store.delete(made.id)
     current = MapStore(database).current

@@ -296,7 +296,7 @@ def test_a_move_asked_for_while_the_jack_travels_starts_when_it_has_arrived(make
     for _ in range(100):
         command = cell.tick()
         assert (command.twist, command.jack) == (STANDSTILL, "up")
-    assert cell.planning().message == "the jack is going up; the move starts when it has arrived"
+    assert cell.planning().message == "the jack is moving up; the move starts when it has arrived"
     assert (cell.planning().move_state, cell.planning().stuck_state) == ("moving", "none")
     cell.jack = jack("hold", 1.0)
     cell.tick(2)
@@ -311,13 +311,13 @@ def test_a_move_that_waits_for_a_jack_that_does_not_arrive_fails(make_cell: Call
     cell.tick(TIME_LIMIT_NS // STEP + 5)
     ended = cell.get(move.id)
     assert (ended.state, ended.fail_reason) == ("failed", MoveFailReason.PLATFORM_ALERT_ERROR)
-    assert ended.fail_message == "the jack was to go up and is at 20% after 40 s"
+    assert ended.fail_message == "the jack did not move up in time: it is at 20% after 40 s"
 
 
 def test_a_setting_refuses_moves_while_the_jack_travels(make_cell: Callable[..., Cell]) -> None:
     cell = make_cell(jack=jack("hold", 0.0), settings=ChassisSettings(refuse_moves_while_jacking=True))
     cell.ask(JackRequest(direction="up"))
-    with pytest.raises(RequestRefused, match="the jack is going up; wait until it has arrived") as refused:
+    with pytest.raises(RequestRefused, match="the jack is moving up; wait until it has arrived") as refused:
         cell.create()
     assert refused.value.code == "precondition"
 
@@ -325,7 +325,7 @@ def test_a_setting_refuses_moves_while_the_jack_travels(make_cell: Callable[...,
 def test_the_jack_does_not_start_while_a_move_runs(make_cell: Callable[..., Cell]) -> None:
     cell = make_cell(jack=jack("hold", 0.0))
     move = cell.create()
-    with pytest.raises(RequestRefused, match=f"move {move.id} runs") as refused:
+    with pytest.raises(RequestRefused, match=f"move {move.id} is running") as refused:
         cell.ask(JackRequest(direction="up"))
     assert refused.value.code == "precondition"
 

@@ -123,9 +123,9 @@ def test_a_removed_thing_is_neither_seen_nor_touched() -> None:
 @pytest.mark.parametrize(
     ("request_", "why"),
     [
-        (place(x=0.2), "'crate' would stand in amr1"),
-        (place("amr1"), "is the name of something else"),
-        (place("wall"), "is the name of something else"),
+        (place(x=0.2), "'crate' would overlap amr1"),
+        (place("amr1"), "is already used"),
+        (place("wall"), "is already used"),
         (place("a/b"), "want 1 … 60 letters"),
         (place(""), "want 1 … 60 letters"),
         (place(x=1e300), "want x, y and yaw within"),
@@ -147,7 +147,7 @@ def test_what_cannot_be_placed_is_refused_and_changes_nothing(request_: Place, w
 def test_a_refused_move_leaves_the_thing_where_it_was() -> None:
     simulation = make_simulation()
     simulation.place(place(size=(0.5, 0.6, 0.7)))
-    with pytest.raises(RequestRefused, match="would stand in amr1"):
+    with pytest.raises(RequestRefused, match="would overlap amr1"):
         simulation.place(place(x=0.1, size=(0.2, 0.2, 0.2)))
     assert where(simulation, "crate") == pytest.approx((2.0, 0.0, 0.35))
 
@@ -156,7 +156,7 @@ def test_when_all_slots_are_taken_it_says_so() -> None:
     simulation = make_simulation()
     for i in range(SLOTS["person"]):
         simulation.place(place(f"p{i}", x=3.0, y=float(i), kind="person"))
-    with pytest.raises(RequestRefused, match="all 8 places for a person are taken"):
+    with pytest.raises(RequestRefused, match="all 8 slots for obstacles of kind person are in use"):
         simulation.place(place("one_more", x=5.0, kind="person"))
     simulation.remove("p3")
     simulation.place(place("one_more", x=5.0, kind="person"))
@@ -164,7 +164,7 @@ def test_when_all_slots_are_taken_it_says_so() -> None:
 
 def test_a_robot_is_not_set_down_in_anything() -> None:
     simulation = make_simulation(make_world(statics={"wall": {"kind": "wall", "start": (3, -9), "end": (3, 9)}}))
-    with pytest.raises(RequestRefused, match="amr1 would stand in 'wall'"):
+    with pytest.raises(RequestRefused, match="amr1 would overlap 'wall'"):
         simulation.move_robot(MoveRobot(robot="amr1", pose=Pose2(x=2.6, y=0.0, yaw=0.0)))
     with pytest.raises(RequestRefused, match="robot 'amr9' is not known; known: \\['amr1'\\]"):
         simulation.move_robot(MoveRobot(robot="amr9", pose=Pose2(x=0.0, y=0.0, yaw=0.0)))
