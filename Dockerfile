@@ -65,7 +65,7 @@ FROM runtime AS planner
 COPY --from=build-planner /venv /venv
 COPY worlds /worlds
 # Compiled here once, so that no container has to before it is ready.
-RUN python -c "from rackhand.services.planner.behaviors.navigator import *; ChassisNavigator(NavigationSettings()).warm_up()"
+RUN python -c "from rackhand.services.planner.warm_up import *; warm_up(NavigationSettings())"
 CMD ["python", "-m", "rackhand.services.planner", "--robot", "amr1", "--map", "/worlds/warehouse", "--store", "/state/planner.sqlite"]
 
 FROM runtime AS controller

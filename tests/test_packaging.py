@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -41,6 +42,19 @@ def test_every_module_and_every_data_file_is_in_it(names: set[str]) -> None:
     missing = {f"rackhand/{path.relative_to(ROOT)}" for path in files} - names
     assert len(files) > 200
     assert missing == set()
+
+
+COMPILE = re.findall(r'^RUN python -c "(from rackhand.+)"$', (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+
+
+def test_some_images_compile() -> None:
+    assert len(COMPILE) == 3
+
+
+@pytest.mark.parametrize("program", COMPILE, ids=lambda program: program.split()[1])
+def test_what_an_image_compiles_with_runs(program: str) -> None:
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_it_says_that_it_is_typed(names: set[str]) -> None:

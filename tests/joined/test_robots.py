@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from rackhand.schemas.chassis import JackRequest
+from rackhand.schemas.parameters import ParameterChanges, ParametersRequest, SetParameters
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.sim.world.maps import write_map
 from rackhand.worlds.chassis_model import load_profile
@@ -56,6 +57,20 @@ def test_a_straight_of_12_m_is_driven_at_the_speed_of_the_chassis(
         pose = world.true_pose("amr1")
         assert abs(pose.x - 13.5) < 0.04 and abs(pose.y - 2.0) < 0.04 and abs(pose.yaw) < 0.03
         assert world.inspect().contact_count == 0
+
+
+def test_a_jackal_whose_velocity_is_lowered_on_the_way_drives_on_within_it(worlds: Path, tmp_path: Path) -> None:
+    with JoinedWorld("hall", tmp_path, seed=1, profile="jackal") as world:
+        chassis = world.chassis()
+        move = chassis.post(type="standard", target_x=8.0, target_y=2.0, target_ori=0.0)
+        chassis.wait_until_moving(by=1.5)
+        assert max(speeds(world)) > 1.0
+        changes = ParameterChanges(max_forward_velocity=0.6)
+        reply = chassis.core.parameters.answer(ParametersRequest(request=SetParameters(changes=changes)))
+        assert (reply.values.max_forward_velocity, reply.defaults.max_forward_velocity) == (0.6, 2.0)
+        braked = len(chassis.commands) + 15  # 0.6 s; from 2 m/s at 4 m/s² it takes 0.35 s
+        assert chassis.finish(move, within=60.0).state == "succeeded"
+        assert 0.58 < max(command.twist.linear for command in chassis.commands[braked:]) <= 0.6
 
 
 def test_a_chassis_is_added_by_one_yaml(worlds: Path, tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def cost_to_go(
         size = pop(keys, items, size)
         here, index = keys[size], items[size]
         i, j = index // columns, index % columns
-        if here > cost[i, j] + 1e-6:
+        if here > cost[i, j]:
             continue
         expanded += 1
         for di in range(-1, 2):
@@ -49,8 +49,9 @@ def cost_to_go(
                 if clearance < 0.0:
                     continue
                 step = resolution * (DIAGONAL if di != 0 and dj != 0 else 1.0)
-                there = here + step * inflation_cost(clearance, inflation)
-                if there < cost[a, b] - 1e-6:
+                # Rounded as it is stored: a cell is then expanded once, however far it is from the goal.
+                there = float(np.float32(here + step * inflation_cost(clearance, inflation)))
+                if there < cost[a, b]:
                     cost[a, b] = there
                     toward[a * columns + b] = index
                     if size == keys.size:

@@ -120,6 +120,8 @@ class GlobalPlanner:
         """
         grid = DistanceGrid.of(blocked, self._geometry)
         row, column = self._geometry.cell(target.x, target.y)
+        if not self._geometry.contains(target.x, target.y):
+            raise NoPathFound("disconnected", f"the goal ({target.x:.2f}, {target.y:.2f}) is outside the map")
         budget = self._settings.max_expansions
         cost, toward, expanded = cost_to_go(grid, row, column, self._inflation, budget)
         if expanded >= budget:

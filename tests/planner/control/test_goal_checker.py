@@ -50,3 +50,11 @@ def test_a_zone_is_reached_within_its_accuracy_at_any_heading() -> None:
 def test_standstill_but_for_noise() -> None:
     assert is_still(Twist2(linear=0.01, angular=-0.02))
     assert not is_still(Twist2(linear=-0.02, angular=0.0)) and not is_still(Twist2(linear=0.0, angular=0.04))
+
+
+def test_a_goal_that_is_reached_before_the_start() -> None:
+    here = np.array([1.0, 2.0, 0.1])
+    assert GoalChecker(Goal(1.02, 2.0, 0.12), here, S).is_there(here)
+    assert not GoalChecker(Goal(1.02, 2.0, 0.2), here, S).is_there(here)
+    assert GoalChecker(Goal(1.02, 2.0, None), here, S).is_there(here)
+    assert not GoalChecker(Goal(1.04, 2.0, None), here, S).is_there(here)

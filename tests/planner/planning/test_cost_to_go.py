@@ -49,3 +49,14 @@ def test_no_path_where_the_inscribed_circle_does_not_fit() -> None:
     grid = DistanceGrid.of(blocked, Geometry(0.0, 0.0, 0.1, 40, 60))
     assert np.isfinite(cost_to_go(grid, 20, 50, Inflation(0.14, 0.5, 1.0), 10**6)[0][20, 10])
     assert np.isinf(cost_to_go(grid, 20, 50, Inflation(0.25, 0.5, 1.0), 10**6)[0][20, 10])
+
+
+def test_each_cell_is_expanded_once_however_far_it_is() -> None:
+    """Costs are stored as float32, whose steps are 0.00006 m at 1000 m."""
+    side = 200
+    blocked = np.zeros((side, side), dtype=np.bool_)
+    blocked[::20, ::20] = True
+    grid = DistanceGrid.of(blocked, Geometry(0.0, 0.0, 5.03, side, side))
+    cost, _, expanded = cost_to_go(grid, 1, 1, Inflation(2.0, 9.0, 1.7), 10 * side * side)
+    assert np.isfinite(cost).sum() == expanded <= side * side
+    assert cost[np.isfinite(cost)].max() > 1000.0

@@ -10,7 +10,7 @@ from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.map.grid import load_map
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
-from rackhand.services.planner.planning.goals import Goal, check_goal, check_start, is_there
+from rackhand.services.planner.planning.goals import check_goal, check_start
 from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
 from tests.planner.plant import BODY, Hall, box
@@ -65,11 +65,3 @@ def test_goal_needs_the_inscribed_circle_and_with_a_heading_the_footprint(costma
     assert failed.text.startswith(text), failed.text
     failed = goal_refused(costmap, Target(5.0, 5.0 + 0.13, None))
     assert failed.text.endswith("by 0.10 m or more"), failed.text
-
-
-def test_a_goal_that_is_reached_already() -> None:
-    here, goal = np.array([1.0, 2.0, 0.1]), Goal(1.02, 2.0, 0.12)
-    assert is_there(here, goal, Target(1.02, 2.0, 0.12), S)
-    assert not is_there(here, Goal(1.02, 2.0, 0.2), Target(1.02, 2.0, 0.2), S)
-    assert is_there(here, Goal(1.02, 2.0, None), Target(1.02, 2.0, None), S)
-    assert not is_there(here, Goal(1.04, 2.0, None), Target(1.04, 2.0, None), S)

@@ -9,8 +9,9 @@ from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import STANDSTILL
+from rackhand.services.planner.map.grid import load_map
 from rackhand.services.planner.planning.goals import Goal
-from rackhand.services.planner.planning.plan import GlobalPlanner, Plan, Target
+from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Plan, Target
 from rackhand.services.planner.settings import NavigationSettings
 from tests.planner.map.test_grid import feature
 from tests.planner.plant import BODY, Hall, Robot, box, keep_on, run
@@ -182,3 +183,12 @@ def test_the_same_inputs_give_the_same_plan(begin) -> None:
     first, second = (plan_of(robot, Target(8.5, 4.0, None)) for _ in range(2))
     assert np.array_equal(first.segments[0].points, second.segments[0].points)
     assert np.array_equal(first.cost, second.cost)
+
+
+@pytest.mark.parametrize("goal", [(1e6, 2.0), (-3.0, 2.0), (2.0, -1e9)])
+def test_a_goal_outside_the_map_has_no_path(goal: tuple[float, float]) -> None:
+    data = Hall(10, 8, []).map()
+    static = load_map(data, NavigationSettings().slow_zone_velocity)
+    planner = GlobalPlanner(static.geometry, Footprint.of(BODY), NavigationSettings())
+    with pytest.raises(NoPathFound, match="outside the map"):
+        planner.plan(np.array([1.5, 4.0, 0.0]), Target(*goal, None), static.blocked)
