@@ -34,7 +34,7 @@ _REFUSAL = codec_for(Refusal)
 _PRIORITY = dict.fromkeys(Qos, zenoh.Priority.DATA) | {Qos.COMMAND: zenoh.Priority.DATA_HIGH}
 
 
-# A late joiner's copy is distinguished from the live one by sequence numbers; timestamps would do too, but are off here.
+# A late joiner's copy is distinguished from the live one by sequence numbers; timestamps would do too, but are off.
 _NUMBERED = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)
 
 
