@@ -190,7 +190,7 @@ class NavigationSettings:
     improve_period: float = 3.0  # look for a better way this often
     improve_ratio: float = 0.8  # and take it when it is this much shorter
     stuck_after: float = 4.0
-    blocked_patience: float = 10.0  # at start, while observed obstacles block every path
+    sealed_patience: float = 10.0  # at start, while observed obstacles block every path
     planning_timeout: float = 60.0
     move_timeout: float = 60.0
     rotate_timeout: float = 30.0

@@ -4,7 +4,7 @@ types         inputs and outputs
 access        ``Access``, the state machine
 rules         who may take control, as pure rules
 entries       the holder, and the clients that wait
-heartbeats    clients that have promised a sign of life
+heartbeats    supervision of clients by heartbeat
 record        what follows from an input, collected
 streams       the deadman of velocity and torque references
 audit, audit_writer   the audit log

@@ -1,4 +1,4 @@
-"""Heartbeats: clients that have promised a sign of life at least once a period (spec motion-controller §1.5)."""
+"""Heartbeats: clients that are supervised to send one at least once per period (spec motion-controller §1.5)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 // What is known, in words: fills the elements of the page, and only those that changed.
 
 const LOOKS = { moving: "busy", succeeded: "good", failed: "bad", cancelled: "warn" };
-const STUCK = { move_stucked: "Something is in the way.", target_spin_stucked: "No room to turn to the heading." };
+const STUCK = { move_stucked: "Blocked by an obstacle.", target_spin_stucked: "No room to turn to the heading." };
 const TOAST = 8000; // ms
 
 export const at = (id) => document.getElementById(id);

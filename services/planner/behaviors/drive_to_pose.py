@@ -16,7 +16,7 @@ Why such a move fails, and when:
   9  calculation_failed         on map and overlays the inscribed circle has no path from start to goal
  10  calculation_timeout        a search expanded ``max_expansions`` cells or states without an answer
  11  no_global_path             on map and overlays the circle has a path, the footprint none; or the footprint has one
-                                but observed obstacles block it for longer than ``blocked_patience``
+                                but observed obstacles block it for longer than ``sealed_patience``
  14  planning_timeout           later: there has been no path for ``planning_timeout``
  15  move_timeout               there is a path, but no progress on it for ``move_timeout``: an obstacle blocks it, or
                                 the chassis does not follow velocity commands

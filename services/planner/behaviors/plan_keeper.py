@@ -151,7 +151,7 @@ class PlanKeeper:
         if self._no_path_since is None:
             return
         waited = (ctx.stamp - self._no_path_since) / NANOSECONDS
-        if not self.plans and waited > ctx.settings.blocked_patience:
+        if not self.plans and waited > ctx.settings.sealed_patience:
             text = f"observed obstacles block every path, for {waited:.0f} s ({self._no_path})"
             raise MoveFailed(MoveFailReason.NO_GLOBAL_PATH, text)
         if waited > ctx.settings.planning_timeout:
