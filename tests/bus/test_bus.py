@@ -135,7 +135,7 @@ def test_calls_from_asyncio_run_side_by_side(bus: Bus, peer: subprocess.Popen[by
     asyncio.run(scenario())
 
 
-def test_the_asyncio_stream_receives_what_the_loop_hears(bus: Bus, router: str) -> None:
+def test_the_asyncio_stream_receives_what_the_loop_receives(bus: Bus, router: str) -> None:
     async def scenario() -> list[int]:
         with Bus(ServiceId("gateway", "cell"), BusConfig(connect=router)) as other:
             inbox = other.inbox().subscribe(topics.MAP).subscribe(topics.PLANNING_STATE)

@@ -438,7 +438,7 @@ def test_bad_parameters_change_nothing() -> None:
     assert cell.controller.motion.solver.ik.objectives.state() == before
 
 
-def test_the_seed_of_inverse_kinematics_is_where_the_arm_stands() -> None:
+def test_the_seed_of_inverse_kinematics_is_the_current_position() -> None:
     cell = PerfectArm()
     seed = {"Controller": {"UpdateJointsInitialPosition": UR5E.home.tolist()}}
     answer = cell.ask("a", command="setParameters", priority=10, data=seed)

@@ -172,7 +172,7 @@ def test_the_jack_goes_until_it_has_arrived(make_cell: Callable[..., Cell]) -> N
     assert cell.tick().jack == "down"
 
 
-def test_the_jack_waits_until_the_robot_stands(make_cell: Callable[..., Cell]) -> None:
+def test_the_jack_waits_for_standstill(make_cell: Callable[..., Cell]) -> None:
     cell = make_cell(jack=Jack(stamp=0, state="hold", progress=0.0, weight=0.0))
     cell.create()
     cell.tick(3)

@@ -222,7 +222,7 @@ def test_a_silent_driver_fails_the_move_and_the_next_is_refused_until_it_publish
     assert [status.driver_alive for status in bus.published(topics.CHASSIS_STATUS)][-1] is True
 
 
-def test_the_same_instant_of_another_run_is_answered_anew(bus: ListBus, cell: Cell) -> None:
+def test_the_same_stamp_of_another_run_is_answered_again(bus: ListBus, cell: Cell) -> None:
     run(
         bus,
         cell,

@@ -144,7 +144,7 @@ def test_a_tick_that_raises_commands_what_the_core_says_instead(core: Core) -> N
     assert commands(core) == [4], "and nothing is repeated of it"
 
 
-def test_a_driver_that_disconnects_voids_all_and_is_answered_anew(core: Core) -> None:
+def test_a_driver_that_disconnects_voids_all_and_is_answered_again(core: Core) -> None:
     run(core, [Presence(DRIVER, True)], [state(40)], [state(44), Presence(DRIVER, False)], [Presence(DRIVER, True)],
         [state(40)])  # fmt: skip
     assert commands(core) == [40, 40], "what was measured before it disconnected is not answered after"

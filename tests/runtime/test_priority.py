@@ -19,7 +19,7 @@ from tests.scheduling import IN_REAL_TIME, grants_real_time, heeded, in_thread, 
 from tests.system.cell import ROOT
 
 
-def test_who_stands_back_has_a_lesser_share() -> None:
+def test_a_higher_niceness_gives_a_smaller_share() -> None:
     ask = "import os; from rackhand.runtime.priority import set_niceness; set_niceness(7); print(os.nice(0))"
     told = subprocess.run([sys.executable, "-c", ask], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert int(told) == min(os.nice(0) + 7, 19)

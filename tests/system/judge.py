@@ -1,4 +1,4 @@
-"""The judge of system tests: asks the physics, never the planner, what truly happened."""
+"""The judge of system tests observes the ground truth: it asks the simulator, never the planner, what happened."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Judge:
         trail: list[tuple[int, Pose2]] = []
         while True:
             event = self._truth.get(timeout=20)
-            assert isinstance(event, Sample), "the simulator tells no true poses"
+            assert isinstance(event, Sample), "the simulator publishes no ground-truth poses"
             pose = next(_planar(thing) for thing in event.message.objects if thing.name == silent)
             trail.append((event.message.stamp, pose))
             if len(trail) > 1:
@@ -74,7 +74,7 @@ class Judge:
         """Where everything that can move really is, as of the newest publication of the truth not asked for before."""
         event = self._truth.get(timeout=20)
         if event is None:
-            raise Unavailable("the simulator tells no true poses")
+            raise Unavailable("the simulator publishes no ground-truth poses")
         assert isinstance(event, Sample)
         return {thing.name: thing for thing in event.message.objects}
 

@@ -53,7 +53,7 @@ class Station:
     def settle(self) -> None:
         """Wait for the controller, until it has seen the arm, and until this client hears both."""
         self.cell.wait_for(self._joined, "the controller has joined")
-        self.cell.wait_for(self._hears, "states are heard")
+        self.cell.wait_for(self._receives, "states are received")
         self.cell.wait_for(self.status_or_none, "the controller answers")
         self.advance(0.04)
 
@@ -66,7 +66,7 @@ class Station:
     def _joined(self) -> bool | None:
         return CONTROLLER in self.judge.inspect().participants or None
 
-    def _hears(self) -> bool | None:
+    def _receives(self) -> bool | None:
         self.judge.advance(0.02)
         return self._states.get(timeout=1.0) is not None or None
 

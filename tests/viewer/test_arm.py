@@ -22,7 +22,7 @@ def notes(items: object) -> list[tuple[str, str]]:
     return [(item.level, item.text) for item in items if isinstance(item, Note)]  # type: ignore[attr-defined]
 
 
-def test_frames_hang_on_where_the_arm_stands(view: ArmView) -> None:
+def test_frames_are_relative_to_the_mount_of_the_arm(view: ArmView) -> None:
     (mount,) = view.model(ArmModel(kind="ur5e", position=(3.0, 1.0, 0.6), orientation=UPRIGHT))
     assert isinstance(mount, Pose) and (mount.frame, mount.parent) == ("arm1:mount", "map")
     tool = next(item for item in view.status(arm_status(0)) if isinstance(item, Pose))

@@ -50,7 +50,7 @@ def test_a_robot_is_where_it_is_localised(view: ChassisView) -> None:
     assert pose.orientation == pytest.approx((0.0, 0.0, 0.0, 1.0))
 
 
-def test_a_footprint_stands_on_the_floor_with_an_edge_at_each_corner() -> None:
+def test_a_footprint_is_drawn_on_the_floor_with_an_edge_at_each_corner() -> None:
     edges = prism(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), 0.25)
     assert len(edges) == 2 + 3
     assert edges[0][:, 2] == pytest.approx(0.005) and edges[1][:, 2] == pytest.approx(0.25)

@@ -143,7 +143,7 @@ def diagnostics(stamp: int) -> MotionDiagnostics:
 
 
 def test_a_real_robot_is_drawn_without_a_world(bench: Bench) -> None:
-    """No clock, no scene, no true poses: what the robots tell of themselves is enough."""
+    """No clock, no scene, no ground-truth poses: what the robots publish is enough."""
     bench.tell(topics.CHASSIS_MODEL, "amr1", messages.model())
     bench.tell(topics.ARM_MODEL, "arm1", ArmModel(kind="ur5e", position=(3.0, 1.0, 0.6), orientation=UPRIGHT))
     way = np.array([[0.4, 0.0, 0.5], [0.4, 0.1, 0.5]], dtype=np.float32)

@@ -90,7 +90,7 @@ class Robot:
 
     @property
     def pose(self) -> PoseTuple:
-        """The true pose in the map."""
+        """Ground-truth pose in the map."""
         x, y, _, w, qx, qy, z = self._data.qpos[self._qpos : self._qpos + 7]
         return float(x), float(y), math.atan2(2 * (w * z + qx * qy), 1 - 2 * (qy * qy + z * z))
 

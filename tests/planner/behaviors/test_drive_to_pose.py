@@ -217,7 +217,7 @@ def test_rotate_timeout_when_wheels_are_blocked_at_the_goal(begin) -> None:
     assert states[-1] == "target_spin_stucked"
 
 
-def test_rotate_timeout_when_something_stands_too_near_to_turn(begin) -> None:
+def test_rotate_timeout_when_an_obstacle_is_too_near_to_turn(begin) -> None:
     crates = (box(1.5, 4.42, 0.6, 0.3), box(1.5, 3.58, 0.6, 0.3))
     robot, plant = begin(settings=NavigationSettings(rotate_timeout=4.0), crates=crates)
     robot.start(Goal(yaw=1.57))

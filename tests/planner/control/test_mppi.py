@@ -75,7 +75,7 @@ def test_the_same_inputs_give_the_same_commands(hall: tuple[DistanceGrid, CostFi
     assert all(np.array_equal(a, b) for (a, _), (b, _) in zip(one, other, strict=True))
 
 
-def test_whole_numbers_among_the_settings_do_not_compile_anew(hall: tuple[DistanceGrid, CostField]) -> None:
+def test_whole_numbers_among_the_settings_do_not_recompile(hall: tuple[DistanceGrid, CostField]) -> None:
     drive(hall, None, 1)
     before = len(mppi.rollouts.signatures) if hasattr(mppi.rollouts, "signatures") else 0
     whole = replace(S, control=Limits(1, -1, 1, -2, 1, 1), mppi=MppiSettings(samples=300, costs=MppiCosts(400, 1)))

@@ -42,7 +42,7 @@ def test_what_moves_is_followed_and_leaves_no_trail(begin) -> None:
     assert not occupied_near(robot.costmap, 3.0, walker.position[1] - 1.2, 0.6)
 
 
-def test_what_moves_does_not_block_plans_but_stops_being_a_mover_when_it_stands(begin) -> None:
+def test_a_dynamic_obstacle_does_not_block_plans_and_becomes_static_when_it_stops(begin) -> None:
     robot, plant = begin(walkers=(Walker(np.array([(3.0, 1.0), (3.0, 7.0)]), 1.0),))
     idle(robot, plant, 3.0)
     around = robot.costmap

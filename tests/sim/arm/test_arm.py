@@ -143,7 +143,7 @@ def test_a_wrong_arm_is_reported_with_its_place(place: dict[str, Any], told: str
 
 
 @pytest.mark.parametrize("name", ["warehouse", "empty", "pick_station"])
-def test_the_arm_of_a_world_stands_free(name: str) -> None:
+def test_the_arm_of_a_world_collides_with_nothing(name: str) -> None:
     """Nothing can be reached by less than 10 cm of it at home; the pedestal's top is what its base stands on."""
     world = load_world(name)
     simulation = Simulation(world, load_profiles(world), 0, EXACT)

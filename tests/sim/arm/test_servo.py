@@ -71,7 +71,7 @@ def test_torques_are_those_of_the_numpy_form() -> None:
         np.testing.assert_allclose(torque, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_a_world_that_stands_has_compiled_all_of_it() -> None:
+def test_a_constructed_world_has_compiled_all_kernels() -> None:
     """One compiled form each, so that no command waits for another."""
     Simulation(load_world("pick_station"), {}, 0, EXACT)
     kernels: tuple[Any, ...] = (arm_servo.plan, arm_servo.hold_to, arm_servo.let_torques)

@@ -92,7 +92,7 @@ def test_stale_commands_stop_the_wheels() -> None:
     assert simulation.robots["amr1"].pose[0] == pytest.approx(x, abs=1e-4)
 
 
-def test_a_robot_whose_commander_is_gone_stands_within_200_ms() -> None:
+def test_a_robot_without_commands_stops_within_200_ms() -> None:
     simulation = make_simulation()
     drive(simulation, 1.5, linear=0.8)
     simulation.silence("amr1")

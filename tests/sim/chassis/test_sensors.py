@@ -230,7 +230,7 @@ def test_jack_takes_its_time_and_lifts_a_rack() -> None:
     assert simulation.data.xpos[rack][0] == pytest.approx(simulation.robots["amr1"].pose[0], abs=0.01)
 
 
-def test_jack_stands_when_commands_stop() -> None:
+def test_the_jack_stops_when_commands_stop() -> None:
     simulation = make_simulation()
     drive(simulation, 1.0, jack="up")
     coast(simulation, 0.4)
