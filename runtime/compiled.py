@@ -79,8 +79,9 @@ def _imports(file: Path, importer: str) -> tuple[Path, ...]:
     return tuple(files)
 
 
-def _imported_names(tree: ast.AST) -> Iterator[str]:
-    for node in ast.walk(tree):
+def _imported_names(tree: ast.Module) -> Iterator[str]:
+    """Of the imports at the top of a module: what compiled code refers to is imported there."""
+    for node in tree.body:
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
             yield node.module
             yield from (f"{node.module}.{alias.name}" for alias in node.names)

@@ -6,7 +6,7 @@ from typing import Literal
 
 from rackhand.schemas.world import Clock
 
-SILENCE = 1.0  # s of monotonic time without a measurement after which a driver counts as silent, at speed 1 or more
+SILENCE = 1.5  # s of monotonic time without a measurement until a driver counts as silent, at speed 1 or more
 
 
 class DriverLink:

@@ -215,7 +215,7 @@ def test_a_silent_driver_fails_the_move_and_the_next_is_refused_until_it_publish
         [second],
         free(560),
     )
-    silent = "the chassis driver sent no measurement for 1.0 s"
+    silent = "the chassis driver sent no measurement for 1.5 s"
     assert (cell.get(1).fail_reason, cell.get(1).fail_message) == (1000, f"{silent} during the move")
     assert refused.answer == ("unavailable", silent)
     assert cell.get(2).state == "moving"

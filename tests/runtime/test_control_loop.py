@@ -164,7 +164,7 @@ def test_another_robot_s_driver_is_not_this_one_s(core: Core) -> None:
 def test_a_driver_that_falls_silent_voids_all_without_any_event(core: Core) -> None:
     run(core, [state(0)], [0.6, state(4)], [0.6, state(8)], [5.0], [state(12)])
     assert [entry for entry in core.log if entry[0] == "reset"] == [
-        ("reset", "the arm driver sent no measurement for 1.0 s")
+        ("reset", "the arm driver sent no measurement for 1.5 s")
     ]
     assert commands(core) == [0, 4, 8, 12]
 

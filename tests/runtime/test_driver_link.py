@@ -76,8 +76,8 @@ def test_a_driver_without_a_token_is_alive_while_it_publishes() -> None:
     assert link.alive
     assert link.check(10.0 + SILENCE - 0.01) is None
     assert link.seconds_left(10.0 + SILENCE - 0.25) == pytest.approx(0.25)
-    assert link.check(10.0 + SILENCE) == "the driver sent no measurement for 1.0 s"
-    assert link.fault == "the driver sent no measurement for 1.0 s"
+    assert link.check(10.0 + SILENCE) == "the driver sent no measurement for 1.5 s"
+    assert link.fault == "the driver sent no measurement for 1.5 s"
     assert link.check(20.0) is None, "said once"
     assert link.seconds_left(20.0) is None
     assert link.measured("odometry", 5, 21.0) is None
