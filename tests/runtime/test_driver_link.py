@@ -91,8 +91,8 @@ def test_a_driver_that_falls_silent_and_one_that_never_measured_anything(token: 
         link.presence(True, 3.0)
     else:
         link.measured("odometry", 0, 3.0)
-    assert link.check(3.9) is None
-    assert link.check(4.0) is not None
+    assert link.check(3.0 + SILENCE - 0.1) is None
+    assert link.check(3.0 + SILENCE) is not None
     assert link.presence(False, 5.0) == "the driver disconnected"
 
 
@@ -100,8 +100,8 @@ def test_a_localiser_s_pose_is_no_sign_of_life_of_the_driver() -> None:
     link = new_link()
     link.measured("odometry", 0, 0.0)
     link.measured("pose", 900 * MS, 0.9, from_driver=False)
-    assert link.check(1.0) is not None
-    link.measured("pose", 1000 * MS, 1.0, from_driver=False)
+    assert link.check(SILENCE) is not None
+    link.measured("pose", 1000 * MS, SILENCE, from_driver=False)
     assert not link.alive
 
 
@@ -112,21 +112,21 @@ def test_a_paused_world_is_alive_while_it_publishes_its_clock_and_gets_time_to_g
         link.clock(clock("a", paused=True), tenth / 10)
         assert link.check(tenth / 10 + 0.4) is None
     assert link.clock(clock("a"), 10.0) is None
-    assert link.check(10.9) is None
-    link.clock(clock("a"), 10.95)
-    assert link.check(11.0) is not None, "the clock of a world that runs is no measurement"
+    assert link.check(10.0 + SILENCE - 0.1) is None
+    link.clock(clock("a"), 10.0 + SILENCE - 0.05)
+    assert link.check(10.0 + SILENCE) is not None, "the clock of a world that runs is no measurement"
 
 
 def test_a_slow_world_is_given_time_in_proportion() -> None:
     link = new_link()
     link.measured("odometry", 0, 0.0)
     link.clock(clock("a", speed=0.01), 0.0)
-    assert link.check(99.0) is None
-    assert link.check(100.0) == "the driver sent no measurement for 100.0 s"
+    assert link.check(100 * SILENCE - 1.0) is None
+    assert link.check(100 * SILENCE) == "the driver sent no measurement for 150.0 s"
     link.measured("odometry", 0, 200.0)
     link.clock(clock("a", speed=50.0), 200.0)
-    assert link.check(200.9) is None
-    assert link.check(201.0) is not None
+    assert link.check(200.0 + SILENCE - 0.1) is None
+    assert link.check(200.0 + SILENCE) is not None
 
 
 def test_in_lockstep_only_the_token_counts() -> None:
@@ -144,7 +144,7 @@ def test_a_reset_after_a_silence_is_noticed_by_the_clock() -> None:
     link = new_link()
     link.clock(clock("a"), 0.0)
     link.measured("odometry", 0, 0.0)
-    assert link.check(1.0) is not None
+    assert link.check(SILENCE) is not None
     link.measured("odometry", 40 * MS, 2.0)
     assert link.clock(clock("a"), 2.0) is None
     assert link.clock(clock("b"), 2.1) == "the driver restarted"
