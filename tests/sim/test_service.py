@@ -156,7 +156,7 @@ def test_it_continues_without_a_participant_that_leaves(start: Any) -> None:
 def test_requests_are_answered_while_it_is_paused_and_refusals_carry_code_and_text(start: Any) -> None:
     peer = start(paused=True)
     assert peer.ask(asked.Place(name="crate", pose=Pose2(x=3, y=0, yaw=0))).clock.stamp == 0
-    with pytest.raises(Refused, match="invalid: 'wall' is the name of something else"):
+    with pytest.raises(Refused, match="invalid: 'wall' is already used in this world"):
         peer.ask(asked.Place(name="wall", pose=Pose2(x=3, y=0, yaw=0)))
     with pytest.raises(Refused, match="not_found"):
         peer.ask(asked.Remove(name="wall"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from rackhand.runtime.compiled import compiled
 from rackhand.schemas.base import NANOSECONDS, Twist2
 from rackhand.services.planner.control import speed_profile as profile
+from rackhand.services.planner.geometry.footprint import distance_to_body
 from rackhand.services.planner.geometry.polygon import inside_convex
 from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose
 from rackhand.services.planner.map.grid import Geometry, Mask
@@ -39,6 +41,16 @@ class Surroundings:
 
     pose: Pose
     obstacles: Array
+
+
+class Stop(NamedTuple):
+    """How the chassis comes to rest: ``hold`` s until braking takes effect, ``lag`` s behind its commands, and its
+    decelerations in m/s² and rad/s²."""
+
+    hold: float
+    lag: float
+    decel: float
+    turn_decel: float
 
 
 class BrakingGuard:
@@ -115,38 +127,25 @@ def braking_is_free(
     than its margin and nearer than it would if the chassis stood still, so leaving a tight place is not forbidden.
     """
     a, own = settings.actuation, settings.own
+    stop = Stop(hold + a.latency, a.lag, -own.max_forward_decel, own.max_angular_acc)
     return bool(
         _braking_is_free(
-            pose, measured.linear, measured.angular, command.linear, command.angular, hold + a.latency, a.lag,
-            -own.max_forward_decel, own.max_angular_acc, obstacles, body_edges,
+            pose, measured.linear, measured.angular, command.linear, command.angular, stop, obstacles, body_edges
         )
-    )  # fmt: skip
+    )
 
 
 @compiled
-def _distance(body_edges: Array, pose: Pose, x: float, y: float) -> float:
-    """Metres from the body to a point by its sides (a lower bound of the distance at corners; negative inside)."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    bx = c * (x - pose[0]) + s * (y - pose[1])
-    by = -s * (x - pose[0]) + c * (y - pose[1])
-    largest = -1e9
-    for e in range(body_edges.shape[0]):
-        largest = max(largest, body_edges[e, 0] * bx + body_edges[e, 1] * by - body_edges[e, 2])
-    return largest
-
-
-@compiled
-def _within_reach(
-    start: Pose, speed: float, hold: float, lag: float, decel: float, obstacles: Array, body_edges: Array
-) -> Array:
+def _within_reach(start: Pose, speed: float, stop: Stop, obstacles: Array, body_edges: Array) -> Array:
     """The obstacles that can matter: nearer than the stop is long and than they come in that time."""
-    duration = hold + 3.0 * lag + speed / decel + TURNING_STOP + LOOK_ON
-    reach = TURN_REACH + speed * (hold + 3.0 * lag) + speed * speed / (2.0 * decel)
+    before = stop.hold + 4.0 * stop.lag  # braking has taken hold
+    duration = before + speed / stop.decel + TURNING_STOP + LOOK_ON
+    reach = TURN_REACH + speed * before + speed * speed / (2.0 * stop.decel)
     kept = np.empty_like(obstacles)
     n = 0
     for k in range(obstacles.shape[0]):
         coming = math.hypot(obstacles[k, 2], obstacles[k, 3]) * duration + obstacles[k, 4]
-        if _distance(body_edges, start, obstacles[k, 0], obstacles[k, 1]) < reach + coming:
+        if distance_to_body(body_edges, start, obstacles[k, 0], obstacles[k, 1]) < reach + coming:
             kept[n] = obstacles[k]
             n += 1
     return kept[:n]
@@ -154,15 +153,15 @@ def _within_reach(
 
 @compiled
 def _braking_is_free(
-    start: Pose, v: float, w: float, v_command: float, w_command: float, hold: float, lag: float, decel: float,
-    turn_decel: float, obstacles: Array, body_edges: Array,
-) -> bool:  # fmt: skip
-    obstacles = _within_reach(start, max(abs(v), abs(v_command)), hold + lag, lag, decel, obstacles, body_edges)
+    start: Pose, v: float, w: float, v_command: float, w_command: float, stop: Stop, obstacles: Array, body_edges: Array
+) -> bool:
+    obstacles = _within_reach(start, max(abs(v), abs(v_command)), stop, obstacles, body_edges)
+    decel, turn_decel, lag = stop.decel, stop.turn_decel, stop.lag
     pose = start.copy()
     time = 0.0
     still = 0.0
     while still < LOOK_ON:
-        if time >= hold:
+        if time >= stop.hold:
             before = v_command
             v_command = math.copysign(max(abs(v_command) - decel * STEP, 0.0), v_command)
             kept = w_command * (v_command / before) if abs(before) > 1e-9 else 0.0
@@ -173,16 +172,16 @@ def _braking_is_free(
         pose[1] += v * math.sin(pose[2] + 0.5 * w * STEP) * STEP
         pose[2] += w * STEP
         time += STEP
-        if abs(v) < 0.01 and abs(w) < 0.02 and time >= hold:
+        if abs(v) < 0.01 and abs(w) < 0.02 and time >= stop.hold:
             still += STEP
         for k in range(obstacles.shape[0]):
             x = obstacles[k, 0] + obstacles[k, 2] * time
             y = obstacles[k, 1] + obstacles[k, 3] * time
-            away = _distance(body_edges, pose, x, y)
+            away = distance_to_body(body_edges, pose, x, y)
             if away >= obstacles[k, 4]:
                 continue
             worse = WORSE if obstacles[k, 2] == 0.0 and obstacles[k, 3] == 0.0 else WORSE_MOVING
-            if away < _distance(body_edges, start, x, y) - worse:
+            if away < distance_to_body(body_edges, start, x, y) - worse:
                 return False
     return True
 
