@@ -19,6 +19,7 @@ from tests.system.cell import ROOT, Cell
 from tests.system.judge import Judge
 
 CONTROLLER = "arm1/controller"
+PERIOD_NS = 4_000_000  # of its commands, and so of the published states
 LOCKSTEP = ("--lockstep", "--speed", "max")
 
 
@@ -101,11 +102,13 @@ class Station:
         return self.states_until(end)
 
     def states_until(self, stamp: int) -> list[ArmState]:
+        """The states from the last call on until that stamp. One is published each period of the controller."""
+        last = stamp - stamp % PERIOD_NS
         found: list[ArmState] = []
-        while not found or found[-1].stamp < stamp:
+        while not found or found[-1].stamp < last:
             event = self._states.get(timeout=20)
             assert isinstance(event, Sample), f"no state of {stamp}"
-            if not found or event.message.stamp > found[-1].stamp:  # an instant may be told again
+            if not found or event.message.stamp > found[-1].stamp:  # a state may be published again
                 found.append(event.message)
         return found
 
