@@ -17,7 +17,7 @@ LONG_SIGNATURES = {
     "services/launch/cli.py:up": "command line",
     "services/sim/__main__.py:main": "command line",
 }
-UNTESTED = {"worker", "polygon", "pipeline"}  # tested through the navigator alone; to be emptied
+UNTESTED = {"polygon", "pipeline"}  # tested through the motion alone; to be emptied
 TESTED = ("control", "geometry", "map", "perception", "planning")
 
 

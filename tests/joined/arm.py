@@ -17,11 +17,11 @@ from rackhand.services.controller import ik
 from rackhand.services.controller.access.types import AccessConfig
 from rackhand.services.controller.controller import Controller
 from rackhand.services.controller.warm_up import Inline, warm_up
+from tests.joined.checks import OK
 
 if TYPE_CHECKING:
     from tests.joined.world import JoinedWorld
 
-OK = {"value": True, "code": 200, "detail": 0}
 PERIOD_NS = 4_000_000
 
 

@@ -17,7 +17,6 @@ from types import TracebackType
 from typing import TypeVar
 
 from rackhand.schemas.base import NANOSECONDS, Message, Pose2
-from rackhand.schemas.service import ServiceId
 from rackhand.schemas.world import Advance, Inspect, Join, ObjectPose, Pause, Reset, WorldReply, WorldRequest
 from rackhand.services.sim.chassis.noise import NoiseSettings
 from rackhand.services.sim.pacing import Pacer
@@ -27,6 +26,7 @@ from rackhand.worlds.chassis_model import load_profiles
 from rackhand.worlds.world_model import World, load_world
 from tests.joined.arm import JoinedArm
 from tests.joined.chassis import JoinedChassis
+from tests.system.judge import planar
 
 UNIX_NS = 1_700_000_000 * NANOSECONDS
 T = TypeVar("T")
@@ -164,12 +164,3 @@ class JoinedWorld:
 
     def _cores(self) -> Iterable[JoinedChassis | JoinedArm]:
         return [*self._arms.values(), *self._chassis.values()]
-
-    def participants(self) -> set[ServiceId]:
-        return set(self.session.pacer.participants)
-
-
-def planar(thing: ObjectPose) -> Pose2:
-    w, x, y, z = thing.orientation
-    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return Pose2(x=thing.position[0], y=thing.position[1], yaw=yaw)

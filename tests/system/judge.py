@@ -63,7 +63,7 @@ class Judge:
         while True:
             event = self._truth.get(timeout=20)
             assert isinstance(event, Sample), "the simulator publishes no ground-truth poses"
-            pose = next(_planar(thing) for thing in event.message.objects if thing.name == silent)
+            pose = next(planar(thing) for thing in event.message.objects if thing.name == silent)
             trail.append((event.message.stamp, pose))
             if len(trail) > 1:
                 (before, there), (now, here) = trail[-2:]
@@ -79,13 +79,14 @@ class Judge:
         return {thing.name: thing for thing in event.message.objects}
 
     def true_poses(self) -> dict[str, Pose2]:
-        return {name: _planar(thing) for name, thing in self.objects().items()}
+        return {name: planar(thing) for name, thing in self.objects().items()}
 
     def true_pose(self, name: str) -> Pose2:
         return self.true_poses()[name]
 
 
-def _planar(thing: ObjectPose) -> Pose2:
+def planar(thing: ObjectPose) -> Pose2:
+    """Position and heading of a thing, in the map."""
     w, x, y, z = thing.orientation
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return Pose2(x=thing.position[0], y=thing.position[1], yaw=yaw)

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from rackhand.runtime.compiled import compiled
 from rackhand.schemas.base import NANOSECONDS, Twist2
 from rackhand.services.planner.control import speed_profile as profile
+from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import distance_to_body
 from rackhand.services.planner.geometry.polygon import inside_convex
 from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose
-from rackhand.services.planner.map.grid import Geometry, Mask
+from rackhand.services.planner.map.grid import Mask
 from rackhand.services.planner.settings import Limits, NavigationSettings
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from PIL import Image, UnidentifiedImageError
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import LineType, MapData, RegionType
 from rackhand.services.planner.errors import MoveFailed
-from rackhand.services.planner.geometry.cells import Geometry as Geometry
+from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.map.overlays import MapOverlays, OverlayError, Zone, inside, parse_overlays
 
 # Grey values as map servers write them: free 254, unknown 205, occupied 0.

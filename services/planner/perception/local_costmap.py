@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from rackhand.schemas.chassis import Scan
 from rackhand.services.planner.control.braking_guard import as_obstacles, nearby_cells
+from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.polygon import inside_convex
 from rackhand.services.planner.geometry.se2 import Pose, compose
 from rackhand.services.planner.geometry.se2 import pose as as_pose
-from rackhand.services.planner.map.grid import Geometry, Mask, StaticMap
+from rackhand.services.planner.map.grid import Mask, StaticMap
 from rackhand.services.planner.perception.dynamic_obstacles import DynamicObstacleTracker
 from rackhand.services.planner.perception.observed import ObservedObstacles
 from rackhand.services.planner.planning.distance_grid import DistanceGrid

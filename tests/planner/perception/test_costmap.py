@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rackhand.services.planner.map.grid import Geometry
+from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.perception.costmap import BLOCKED, MAX_NON_LETHAL, TOO_CLOSE, cost_bytes
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.planning.inflation import Inflation, inflation_cost
