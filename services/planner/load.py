@@ -1,5 +1,5 @@
 """What the chassis carries or is connected to. Kept across restarts, because no single sensor measures it:
-the footprint, and later the undocking before the next move, derive from it."""
+the footprint and the undocking before the next move derive from it."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull
 
 from rackhand.runtime.store import Store
 from rackhand.schemas.codec import explain
+from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.errors import StoreError
 from rackhand.services.planner.geometry import se2
@@ -39,20 +40,34 @@ class LoadState(StrEnum):
 
 
 class Load(BaseModel):
-    """``rack``: outline of the rack, convex, rows x, y in metres; in the chassis frame while carried, in the map frame
-    while it is on the floor; empty where none is known."""
+    """``rack_pose``: x, y, yaw of the rack's frame; in the chassis frame while carried, in the map frame while it is on
+    the floor. None where no rack is known, as then is ``spec``."""
 
     model_config = ConfigDict(frozen=True)
 
     state: LoadState = LoadState.FREE
-    rack: tuple[tuple[float, float], ...] = ()
+    spec: RackSpec | None = None
+    rack_pose: tuple[float, float, float] | None = None
+
+    @property
+    def rack(self) -> Array:
+        """Outline of the rack with its margins, in the frame of ``rack_pose``: corners (n, 2), none without a rack."""
+        if self.spec is None or self.rack_pose is None:
+            return np.empty((0, 2))
+        return se2.transformed(np.array(self.rack_pose), self.spec.outline())
 
     def footprint(self, body: Footprint) -> Footprint:
         """The outline that must not touch anything: the body's; with a rack on it, the hull of both."""
-        if self.state is not LoadState.CARRYING or not self.rack:
+        rack = self.rack
+        if self.state is not LoadState.CARRYING or not len(rack):
             return body
-        points = np.vstack([body.polygon, np.array(self.rack)])
+        points = np.vstack([body.polygon, rack])
         return Footprint.of(points[ConvexHull(points).vertices])
+
+    @staticmethod
+    def under(spec: RackSpec, rack: Pose) -> Load:
+        """Of a chassis under a rack that is on the floor at ``rack`` (map frame)."""
+        return Load(state=LoadState.UNDER_RACK, spec=spec, rack_pose=_as_tuple(rack))
 
 
 @dataclass(frozen=True)
@@ -64,15 +79,16 @@ class Measured:
     body: Footprint
 
 
-def next_load(load: Load, now: Measured, default_rack: Array) -> Load:
+def next_load(load: Load, now: Measured, default_rack: RackSpec) -> Load:
     """The load after this tick; the same object where nothing changed.
 
-    ``default_rack``: outline in the chassis frame of a rack that is lifted without having been measured before.
+    ``default_rack``: taken for a rack that is lifted without having been measured before, its middle at the chassis'
+    origin.
     """
     if load.state is LoadState.CARRYING:
         return _carried(load, now)
     if _lifts(now.state):
-        return Load(state=LoadState.CARRYING, rack=_as_rows(_seen_from_chassis(load, now, default_rack)))
+        return _lifted(load, now, default_rack)
     if load.state is LoadState.UNDER_RACK:
         return _under_rack(load, now)
     contact = now.state.contacts
@@ -85,32 +101,34 @@ def _lifts(state: ChassisState) -> bool:
     return state.jack is not None and state.jack.progress >= 1.0 - REACHED and state.jack.weight >= LOADED
 
 
+def _lifted(load: Load, now: Measured, default_rack: RackSpec) -> Load:
+    if load.state is not LoadState.UNDER_RACK or load.spec is None or load.rack_pose is None or now.pose is None:
+        return Load(state=LoadState.CARRYING, spec=default_rack, rack_pose=(0.0, 0.0, 0.0))
+    seen_from_chassis = se2.between(now.pose, np.array(load.rack_pose))
+    return Load(state=LoadState.CARRYING, spec=load.spec, rack_pose=_as_tuple(seen_from_chassis))
+
+
 def _carried(load: Load, now: Measured) -> Load:
     """Until the jack is down again: then the rack is on the floor where the chassis is."""
     jack = now.state.jack
     if jack is None or jack.progress > REACHED or now.pose is None:
         return load
-    on_floor = se2.transformed(now.pose, np.array(load.rack)) if load.rack else np.empty((0, 2))
-    return Load(state=LoadState.UNDER_RACK, rack=_as_rows(on_floor))
+    if load.spec is None or load.rack_pose is None:
+        return Load(state=LoadState.UNDER_RACK)
+    return Load.under(load.spec, se2.compose(now.pose, np.array(load.rack_pose)))
 
 
 def _under_rack(load: Load, now: Measured) -> Load:
     """Until the body is out from under it."""
-    if now.pose is None or not load.rack:
+    rack = load.rack
+    if now.pose is None or not len(rack):
         return load
     body = se2.transformed(now.pose, now.body.polygon)
-    return load if convex_overlap(body, np.array(load.rack)) else Load()
+    return load if convex_overlap(body, rack) else Load()
 
 
-def _seen_from_chassis(load: Load, now: Measured, default_rack: Array) -> Array:
-    if load.state is not LoadState.UNDER_RACK or not load.rack or now.pose is None:
-        return default_rack
-    chassis_from_map = se2.between(now.pose, np.zeros(3))
-    return se2.transformed(chassis_from_map, np.array(load.rack))
-
-
-def _as_rows(outline: Array) -> tuple[tuple[float, float], ...]:
-    return tuple((float(x), float(y)) for x, y in outline)
+def _as_tuple(pose: Pose) -> tuple[float, float, float]:
+    return float(pose[0]), float(pose[1]), float(pose[2])
 
 
 class LoadRecord(Protocol):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from concurrent.futures import Executor
 
-import numpy as np
-
 from rackhand.schemas.base import Twist2
 from rackhand.schemas.chassis import ChassisModel
 from rackhand.schemas.maps import MapData
@@ -39,6 +37,7 @@ class Motion:
         self._patience_ns = patience_ns
         self._body: Footprint | None = None
         self.load = Load()
+        self.load_changed = False
         self.footprint: Footprint | None = None
         self._avoidance = DynamicAvoidance(settings)
         self._guard = BrakingGuard()
@@ -66,19 +65,24 @@ class Motion:
         """The outline of the chassis without a load. ``footprint``, which must not touch anything, derives from it."""
         self._body = body
         self.footprint = self.load.footprint(body)
-        self.perception.configure(self.settings, self.footprint)
+        self.perception.configure(self.settings, body, self.footprint)
 
     def update_load(self, state: ChassisState) -> bool:
         """What the chassis carries by now; True if that changed, and perhaps the footprint with it."""
+        changed, self.load_changed = self.load_changed, False
         if self._body is None:
-            return False
+            return changed
         measured = Measured(state, self.perception.pose, self._body)
-        load = next_load(self.load, measured, np.array(self.settings.default_rack))
+        load = next_load(self.load, measured, self.settings.default_rack)
         if load == self.load:
-            return False
-        self.load = load
-        self.set_body(self._body)
+            return changed
+        self._take_load(load)
         return True
+
+    def _take_load(self, load: Load) -> None:
+        self.load = load
+        if self._body is not None:
+            self.set_body(self._body)
 
     def set_map(self, data: MapData | None) -> None:
         """Use this map (or none); raises ``MoveFailed(GET_MAP_FAILED)`` and then has none. A running move must end."""
@@ -130,11 +134,17 @@ class Motion:
             vetoed=self._guard.vetoed,
             costmap=costmap,
             footprint=self.footprint,
+            load=self.load,
+            seen=self.perception.seen,
             settings=self.settings,
             plans=self.plans,
             avoidance=self._avoidance,
         )
-        return self.move.step(ctx)
+        outcome = self.move.step(ctx)
+        if outcome.load is not None and outcome.load != self.load:
+            self._take_load(outcome.load)
+            self.load_changed = True
+        return outcome
 
     def command(self, wanted: Drive | None, state: ChassisState, limits: Limits) -> Twist2:
         """The twist to command now: what is wanted, within ``limits``, if the guard lets it pass. None brakes."""

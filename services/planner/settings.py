@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from rackhand.schemas.chassis import Actuation, ChassisModel
+from rackhand.schemas.racks import RackSpec
 
 # Shares of the limits of a chassis that a foreseen stop uses.
 FORESEEN_ACC, FORESEEN_DECEL = 0.8, 0.25
@@ -132,8 +133,12 @@ class NavigationSettings:
     noise: PoseNoise = field(default_factory=PoseNoise)
     mppi: MppiSettings = field(default_factory=MppiSettings)
 
-    # a rack that is lifted without having been measured before: rows x, y of its outline in the chassis frame
-    default_rack: tuple[tuple[float, float], ...] = ((0.6, 0.45), (-0.6, 0.45), (-0.6, -0.45), (0.6, -0.45))
+    # racks: the kinds that may be carried, and what one counts as that is lifted without having been measured
+    rack_specs: tuple[RackSpec, ...] = (
+        RackSpec(width=0.83, depth=0.83),
+        RackSpec(width=0.9, depth=1.2, leg_size=0.04),
+    )
+    default_rack: RackSpec = field(default_factory=lambda: RackSpec(width=0.9, depth=1.2))
 
     # the map
     slow_zone_velocity: float = 0.4

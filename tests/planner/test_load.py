@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from rackhand.schemas.chassis import Contacts, Jack
+from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.load import Load, LoadState, Measured, next_load
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from tests.planner.fakes import Cell
-from tests.planner.plant import BODY, box
+from tests.planner.plant import BODY
 
-RACK = box(0.0, 0.0, 0.83, 0.9)
+RACK = RackSpec(width=0.8, depth=0.73)  # 0.83 x 0.9 m with its margins
 
 
 def measured(
@@ -43,10 +44,11 @@ def test_a_rack_is_lifted_carried_put_down_and_left() -> None:
 
 
 def test_a_rack_that_is_lifted_again_keeps_its_outline() -> None:
-    carried = Load(state=LoadState.CARRYING, rack=tuple(map(tuple, box(0.05, 0.0, 1.2, 0.9))))
+    spec = RackSpec(width=0.9, depth=1.2)
+    carried = Load(state=LoadState.CARRYING, spec=spec, rack_pose=(0.05, 0.0, 0.02))
     down = next_load(carried, measured(0.0), RACK)
     up = next_load(down, measured(1.0, 90.0), RACK)
-    assert np.array(up.rack) == pytest.approx(np.array(carried.rack))
+    assert up.spec == spec and up.rack_pose == pytest.approx(carried.rack_pose)
 
 
 def test_the_charger_s_contacts_dock_it() -> None:
@@ -58,10 +60,11 @@ def test_the_charger_s_contacts_dock_it() -> None:
 
 def test_the_footprint_holds_body_and_rack() -> None:
     body = Footprint.of(BODY)
-    assert Load(state=LoadState.UNDER_RACK, rack=((9.0, 9.0),) * 3).footprint(body) is body
-    carrying = Load(state=LoadState.CARRYING, rack=tuple(map(tuple, RACK))).footprint(body)
+    assert Load.under(RACK, np.array([9.0, 9.0, 0.0])).footprint(body) is body
+    carrying = Load(state=LoadState.CARRYING, spec=RACK, rack_pose=(0.0, 0.0, 0.0)).footprint(body)
     assert carrying.polygon[:, 0].max() == pytest.approx(0.415) and carrying.polygon[:, 1].max() == pytest.approx(0.45)
-    long = Load(state=LoadState.CARRYING, rack=tuple(map(tuple, box(0, 0, 0.5, 0.9)))).footprint(body)
+    short = RackSpec(width=0.8, depth=0.4)
+    long = Load(state=LoadState.CARRYING, spec=short, rack_pose=(0.0, 0.0, 0.0)).footprint(body)
     assert long.polygon[:, 0].max() == pytest.approx(0.375), "the body sticks out"
 
 

@@ -17,8 +17,10 @@ from rackhand.schemas.moves import StuckState
 from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.load import Load
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
+from rackhand.services.planner.perception.seen_scan import SeenScan
 from rackhand.services.planner.planning.worker import PlanningScene, PlanRequest, PlanWorker
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -30,16 +32,20 @@ class Drive:
     """The twist wanted now.
 
     ``may_touch``: convex polygons, (n, 2) metres in the map frame, counter-clockwise: the braking guard ignores
-    obstacles inside them, as the legs of the rack that the chassis drives under.
+    obstacles inside them, as the legs of the rack that the chassis drives under. ``load``: what the chassis is under
+    from now on, where that changes.
     """
 
     twist: Twist2
     may_touch: tuple[Array, ...] = ()
+    load: Load | None = None
 
 
 @dataclass(frozen=True)
 class Done:
-    """The move has succeeded. The chassis brakes from whatever speed it has."""
+    """The move has succeeded. The chassis brakes from whatever speed it has. ``load`` as in ``Drive``."""
+
+    load: Load | None = None
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,8 @@ class Context:
 
     ``pose``: filtered, in the map frame, at ``stamp`` (ns). ``twist``: measured; ``commanded``: the last command.
     ``vetoed``: the braking guard did not let the last wanted twist pass. ``costmap``: the local costmap, whose
-    ``static`` is the map; ``costmap.mask(polygon)`` leaves out what a behaviour may touch.
+    ``static`` is the map; ``costmap.mask(polygon)`` leaves out what a behaviour may touch. ``seen``: the newest scan,
+    the legs of a carried rack included; None before there is one that can be placed in the map.
     """
 
     stamp: int
@@ -76,6 +83,8 @@ class Context:
     vetoed: bool
     costmap: LocalCostmap
     footprint: Footprint
+    load: Load
+    seen: SeenScan | None
     settings: NavigationSettings
     plans: PlanWorker
     avoidance: DynamicAvoidance

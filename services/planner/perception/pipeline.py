@@ -17,6 +17,7 @@ from rackhand.services.planner.perception.costmap import cost_bytes
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.perception.pose_filter import PoseFilter
 from rackhand.services.planner.perception.scan_watchdog import ScanWatchdog
+from rackhand.services.planner.perception.seen_scan import SeenScan, points_of
 from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
@@ -27,6 +28,7 @@ class Perception:
 
     def __init__(self, settings: NavigationSettings) -> None:
         self._settings = settings
+        self._body: Footprint | None = None
         self._footprint: Footprint | None = None
         self.costmap: LocalCostmap | None = None
         self.reset()
@@ -38,6 +40,7 @@ class Perception:
         self._odometry: Pose | None = None
         self._hits: Array = np.empty((0, 2))
         self.pose: Pose | None = None
+        self.seen: SeenScan | None = None
 
     def set_map(self, data: MapData | None) -> None:
         """Use this map (or none) and forget what was observed on the former one.
@@ -48,9 +51,9 @@ class Perception:
         if data is not None:
             self.costmap = LocalCostmap(load_map(data, self._settings.slow_zone_velocity), self._settings)
 
-    def configure(self, settings: NavigationSettings, footprint: Footprint) -> None:
-        """The body that must not touch anything, and the thresholds that suit it."""
-        self._settings, self._footprint = settings, footprint
+    def configure(self, settings: NavigationSettings, body: Footprint, footprint: Footprint) -> None:
+        """The body without a load, the outline that must not touch anything, and the thresholds that suit it."""
+        self._settings, self._body, self._footprint = settings, body, footprint
 
     def update(self, state: ChassisState) -> None:
         """Take the newest measurements. ``pose`` is None afterwards unless the chassis is localised.
@@ -71,9 +74,12 @@ class Perception:
         if footprint is None or self._odometry is None:
             return
         # The scan belongs to the newest odometry or the one before it: odometry has moved by centimetres at most.
-        self._hits = se2.transformed(self._odometry, _hits(scan, self._settings.obstacle_range, footprint))
+        self._hits = se2.transformed(self._odometry, points_of(scan, self._settings.obstacle_range, footprint))
         if self.pose is not None and self.costmap is not None:
-            self.costmap.look(scan, self._filter.at(scan.stamp), footprint)
+            chassis = self._filter.at(scan.stamp)
+            points = points_of(scan, self._settings.obstacle_range, self._body or footprint)
+            self.seen = SeenScan(scan.stamp, points, chassis, self._filter.odometry_at(scan.stamp))
+            self.costmap.look(scan, chassis, footprint)
             self.costmap.refresh(self.pose)
 
     def begin(self, stamp: int) -> None:
@@ -107,14 +113,3 @@ class Perception:
         return Costmap(
             stamp=stamp, origin=(g.x, g.y), resolution=g.resolution, columns=g.columns, cost=cost.reshape(-1)
         )
-
-
-def _hits(scan: Scan, reach: float, footprint: Footprint) -> Array:
-    """Points that returned within ``reach`` metres and are no part of the body, (n, 2) in the chassis frame."""
-    ranges = scan.ranges.astype(np.float64)
-    angles = scan.angle_min + np.arange(ranges.size) * scan.angle_step
-    seen = (ranges > 0.0) & (ranges <= min(scan.range_max, reach))  # False for NaN
-    beams = ranges[seen, None] * np.column_stack([np.cos(angles[seen]), np.sin(angles[seen])])
-    points: Array = se2.transformed(se2.pose(scan.sensor), beams)
-    outside = (points @ footprint.edges[:, :2].T > footprint.edges[:, 2]).any(axis=1)
-    return points[outside]

@@ -50,11 +50,11 @@ class PoseFilter:
         self._remember(seen.stamp, now)
         if seen.pose_stamp != self._measured_at:
             self._measured_at = seen.pose_stamp
-            self._correct(se2.compose(se2.pose(seen.pose), se2.between(self._odometry_at(seen.pose_stamp), now)))
+            self._correct(se2.compose(se2.pose(seen.pose), se2.between(self.odometry_at(seen.pose_stamp), now)))
 
     def at(self, stamp: int) -> Pose:
         """The pose at an earlier stamp: today's estimate moved back by odometry."""
-        return se2.compose(self.pose, se2.between(self._odometry[-1][1], self._odometry_at(stamp)))
+        return se2.compose(self.pose, se2.between(self._odometry[-1][1], self.odometry_at(stamp)))
 
     def _restart(self) -> None:
         self._odometry.clear()
@@ -68,7 +68,7 @@ class PoseFilter:
         while self._odometry[0][0] < stamp - HISTORY:
             self._odometry.popleft()
 
-    def _odometry_at(self, stamp: int) -> Pose:
+    def odometry_at(self, stamp: int) -> Pose:
         """Odometry at a stamp, between two of its samples; the nearest one beyond what is remembered."""
         later_stamp, later = self._odometry[-1]
         for earlier_stamp, earlier in reversed(self._odometry):
