@@ -17,8 +17,7 @@ Array = NDArray[np.float64]
 
 class SeenScan(NamedTuple):
     """One scan. ``points``: what returned within reach and is no part of the body, (n, 2) in the chassis frame at
-    ``stamp`` (ns), in the order of the beams. ``chassis`` is the pose then in the map, ``odometry`` that in the frame of
-    odometry.
+    ``stamp`` (ns), in the order of the beams. ``chassis`` is the pose then in the map, ``odometry`` in its own frame.
     """
 
     stamp: int
