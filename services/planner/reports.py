@@ -11,9 +11,10 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.chassis import ChassisStatus, Costmap
 from rackhand.schemas.maps import CurrentMap, MapData
-from rackhand.schemas.moves import MoveEvent, PlannedPath, PlanningState
+from rackhand.schemas.moves import INTENT_MOVE_TYPES, Move, MoveEvent, PlannedPath, PlanningState
 from rackhand.schemas.topics import Topic
 from rackhand.services.planner.behaviors.base import Status
+from rackhand.services.planner.moves.book import target_of
 
 PERIOD_NS = NANOSECONDS // 5
 COSTMAP_PERIOD_NS = NANOSECONDS
@@ -86,6 +87,33 @@ class Reports:
 
     def _put(self, topic: Topic[Any], message: Message) -> None:
         self._due.append(Publication(topic, message))
+
+
+def planning_state(
+    stamp: int, map_uid: str, move: Move | None, status: Status, remaining_distance: float, held_by: str
+) -> PlanningState:
+    """Of the running or last move. ``held_by``: why it waits, empty if it does not."""
+    if move is None:
+        return PlanningState(stamp=stamp, map_uid=map_uid)
+    # A behaviour that has not said where it drives drives where it was asked to.
+    requested, has_intent = target_of(move), move.type in INTENT_MOVE_TYPES
+    return PlanningState(
+        stamp=stamp,
+        map_uid=map_uid,
+        action_id=move.id,
+        action_type=move.type,
+        move_state=move.state,
+        fail_reason=move.fail_reason,
+        message=held_by or move.fail_message,
+        remaining_distance=remaining_distance,
+        target=None if has_intent else status.target or requested,
+        move_intent=status.intent,
+        intent_target=(status.intent_target or requested) if has_intent else None,
+        stuck_state=status.stuck_state,
+        viewport_blocked=status.viewport_blocked,
+        flags=tuple(sorted(status.flags)),
+        passed_points=status.passed_points,
+    )
 
 
 def _without(message: Message, *names: str) -> dict[str, Any]:
