@@ -371,6 +371,8 @@ class Chassis:
     def _report(self) -> None:
         self._reports.planning(self._planning_state())
         self._reports.path(self._stamp, self._status)
+        self._reports.footprint(self._stamp, self._motion.footprint, 0.0)
+        self._reports.load(self._stamp, self._motion.load)
         alerts = active_alerts(
             self._state,
             moving=self._book.current is not None,
