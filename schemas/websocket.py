@@ -24,13 +24,15 @@ class WsTopic(Frame):
     """A topic that clients enable.
 
     ``RATE``: the most frames a second of wall time; changes of state are not held back. ``LEGACY``: its name on
-    ``/ws/topics``. ``REPEATED``: sent again after some seconds without a change, as real robots do.
+    ``/ws/topics``. ``REPEATED``: sent again after some seconds without a change, as real robots do. ``LATCHED``: the
+    last value is sent as a client enables the topic.
     """
 
     TOPIC: ClassVar[str]
     RATE: ClassVar[float] = DEFAULT_RATE
     LEGACY: ClassVar[str] = ""
     REPEATED: ClassVar[bool] = False
+    LATCHED: ClassVar[bool] = True
 
 
 class PoseFrame(Frame):
@@ -238,7 +240,9 @@ class JackState(WsTopic):
 
 
 class RobotModel(WsTopic):
-    """the footprint; here x points to the robot's right, y to its front"""
+    """the outline in force (of the body, or of body and carried rack); here x points to the robot's right, y to its
+    front
+    """
 
     TOPIC = "/robot_model"
     REPEATED = True
@@ -246,6 +250,14 @@ class RobotModel(WsTopic):
     footprint: list[Xy]
     expanded_footprint: list[Xy]
     width: float
+
+
+class RobotFootprint(WsTopic):
+    """the `footprint` of `/robot_model` alone"""
+
+    TOPIC = "/robot/footprint"
+
+    footprint: list[Xy]
 
 
 class MatchedPoints(WsTopic):

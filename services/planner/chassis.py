@@ -375,6 +375,8 @@ class Chassis:
             planning_state(self._stamp, map_uid, self._book.last, self._status, self._distance, held_by)
         )
         self._reports.path(self._stamp, self._status)
+        self._reports.footprint(self._stamp, self._motion.footprint, 0.0)
+        self._reports.load(self._stamp, self._motion.load)
         alerts = active_alerts(
             self._state,
             moving=self._book.current is not None,
