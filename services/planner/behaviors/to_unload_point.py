@@ -120,7 +120,7 @@ def reachable_goal(ctx: Context, target: UnloadTarget) -> Pose:
     for yaw in yaws:
         goal = chassis_goal(ctx.load, target.x, target.y, yaw)
         try:
-            check_goal(ctx.costmap, ctx.footprint, Target(*map(float, goal)), ctx.settings)
+            check_goal(ctx.costmap, ctx.footprint, Target(*goal.tolist()), ctx.settings)
             goals.append(goal)
         except MoveFailed as no_room:
             failed = failed or no_room
@@ -194,8 +194,8 @@ class ToUnloadPoint:
     def _plan(self, ctx: Context) -> None:
         """Begin (anew) to drive to where the chassis must be."""
         self._goal = reachable_goal(ctx, self._target)
-        goal = Goal(*map(float, self._goal), accuracy=ctx.settings.unload_accuracy)
-        self._drive = DriveToPose(goal)
+        x, y, yaw = self._goal.tolist()
+        self._drive = DriveToPose(Goal(x, y, yaw, ctx.settings.unload_accuracy))
 
     # -- stages ------------------------------------------------------------------------------------------------------
 

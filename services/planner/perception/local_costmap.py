@@ -91,14 +91,14 @@ class LocalCostmap:
             reach = math.ceil((mover.radius + MOVER_SHADOW) / g.resolution)
             kept &= (np.abs(rows - row) > reach) | (np.abs(columns - column) > reach)
         for polygon in self._unplanned:
-            kept &= ~inside_convex(polygon, np.column_stack(self._centres(rows, columns)))
+            kept &= ~inside_convex(polygon, self._centres(rows, columns))
         flat: NDArray[np.int64] = rows[kept] * g.columns + columns[kept]
         return flat
 
-    def _centres(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> tuple[Array, Array]:
-        """x and y of the centres of cells of the map."""
+    def _centres(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+        """Centres of cells of the map, (n, 2) in metres."""
         g = self.static.geometry
-        return g.x + (columns + 0.5) * g.resolution, g.y + (rows + 0.5) * g.resolution
+        return np.column_stack([g.x + (columns + 0.5) * g.resolution, g.y + (rows + 0.5) * g.resolution])
 
     def blocked(self) -> Mask:
         """Map and observed obstacles, everywhere."""
