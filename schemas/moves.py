@@ -11,6 +11,15 @@ from rackhand.schemas.base import Array, Message, Pose2, Stamp
 
 MoveState = Literal["idle", "moving", "succeeded", "failed", "cancelled"]
 StuckState = Literal["none", "move_stucked", "target_spin_stucked"]
+PlanningFlag = Literal[
+    "aligning_with_rack",
+    "in_elevator",
+    "is_waiting_for_dest",
+    "undocking_charger_or_rack",
+    "unloading_rack",
+    "waiting_for_charge",
+]
+"""What is true of a move now; ``/planning_state`` has a key of that name while it is."""
 TERMINAL: frozenset[str] = frozenset({"succeeded", "failed", "cancelled"})
 
 MoveType = Literal[
@@ -29,6 +38,8 @@ MoveType = Literal[
     "along_central_line",
 ]
 MOVE_TYPES: tuple[str, ...] = get_args(MoveType)
+INTENT_MOVE_TYPES = frozenset({"charge", "align_with_rack", "to_unload_point"})
+"""These drive to a thing, not to a pose: ``/planning_state`` shows ``intent_target_pose`` and no target poses."""
 DEPRECATED_MOVE_TYPES = frozenset({"leave_elevator", "pull_over", "parking", "along_central_line"})
 
 
@@ -107,11 +118,13 @@ class MoveReply(Message):
 class PlanningState(Message):
     """State of the current (or last) move; the source of ``/planning_state``.
 
-    ``message``: why the move is held, failed or was cancelled; empty otherwise. ``move_intent``: what a move without a
-    target pose does, as docking.
+    ``message``: why the move is held, failed or was cancelled; empty otherwise. ``paused``: by a client, until it is
+    resumed. ``target``: the pose to drive to; None for a move with an ``intent_target``, which is the pose of the thing
+    it drives to, as a rack or a charger, corrected by what the scan shows of it. ``passed_points``: points of the given
+    route that the chassis has passed; kept when the move has ended.
     """
 
-    VERSION: ClassVar[int] = 2
+    VERSION: ClassVar[int] = 3
 
     stamp: Stamp
     map_uid: str = ""
@@ -122,9 +135,13 @@ class PlanningState(Message):
     remaining_distance: float = 0.0
     target: Pose2 | None = None
     message: str = ""
+    paused: bool = False
     move_intent: str = "none"
+    intent_target: Pose2 | None = None
     stuck_state: StuckState = "none"
     viewport_blocked: bool = False
+    flags: tuple[PlanningFlag, ...] = Field(default=(), strict=False)
+    passed_points: Annotated[int, Field(ge=0)] = 0
 
 
 class PlannedPath(Message):

@@ -30,7 +30,6 @@ from rackhand.schemas.moves import (
     MoveCreate,
     MoveReply,
     MoveRequest,
-    PlanningState,
 )
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Clock
@@ -46,10 +45,10 @@ from rackhand.services.planner.map.service import MapService
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteSettings
 from rackhand.services.planner.motion import Motion
-from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords, target_of
+from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
 from rackhand.services.planner.parameters import ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState
-from rackhand.services.planner.reports import Publication, Reports
+from rackhand.services.planner.reports import Publication, Reports, planning_state
 
 PERIOD_NS = 40_000_000  # between commands
 AT_REST = 0.05  # m/s and rad/s: measured below it, the chassis is at rest
@@ -91,7 +90,6 @@ class Chassis:
         self._state = ChassisState()
         self._reports = Reports()
         self._status, self._distance = Status(), 0.0
-        self._target = None if self._book.last is None else target_of(self._book.last)
         self._commanded = STANDSTILL
         self._unix_ns: int | None = None
         self._stamp = 0
@@ -288,7 +286,7 @@ class Chassis:
             raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is moving {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
         self._motion.begin(wanted)
-        self._status, self._distance, self._target = Status(), 0.0, target_of(wanted)
+        self._status, self._distance = Status(), 0.0
         if replaced is not None:
             self._reports.event(self._stamp, replaced.id, "replaced", f"replaced by move {move.id}")
         self._reports.event(self._stamp, move.id, "created", move.type)
@@ -360,7 +358,8 @@ class Chassis:
             self._end("failed", reason, text)
 
     def _end(self, state: EndState, reason: MoveFailReason = MoveFailReason.NONE, text: str = "") -> None:
-        self._status = Status(target=self._status.target)
+        last = self._status
+        self._status = Status(target=last.target, intent_target=last.intent_target, passed_points=last.passed_points)
         try:
             self._motion.end()
         finally:
@@ -369,8 +368,15 @@ class Chassis:
             self._report()
 
     def _report(self) -> None:
-        self._reports.planning(self._planning_state())
+        running, current = self._motion.move, self._maps.current
+        held_by = "" if running is None else running.held_by or ""
+        map_uid = "" if current is None else current.uid
+        self._reports.planning(
+            planning_state(self._stamp, map_uid, self._book.last, self._status, self._distance, held_by)
+        )
         self._reports.path(self._stamp, self._status)
+        self._reports.footprint(self._stamp, self._motion.footprint, 0.0)
+        self._reports.load(self._stamp, self._motion.load)
         alerts = active_alerts(
             self._state,
             moving=self._book.current is not None,
@@ -386,22 +392,4 @@ class Chassis:
                 driver_alive=not self._driver_fault,
                 alerts=alerts,
             )
-        )
-
-    def _planning_state(self) -> PlanningState:
-        move, current, running = self._book.last, self._maps.current, self._motion.move
-        held = None if running is None else running.held_by
-        return PlanningState(
-            stamp=self._stamp,
-            map_uid="" if current is None else current.uid,
-            action_id=0 if move is None else move.id,
-            action_type="none" if move is None else move.type,
-            move_state="none" if move is None else move.state,
-            fail_reason=0 if move is None else move.fail_reason,
-            message=held or ("" if move is None else move.fail_message),
-            remaining_distance=self._distance,
-            target=self._status.target or self._target,
-            move_intent=self._status.intent,
-            stuck_state=self._status.stuck_state,
-            viewport_blocked=self._status.viewport_blocked,
         )
