@@ -141,7 +141,7 @@ def test_cancelling_brakes_to_a_stop(cell: Cell) -> None:
     assert speeds == sorted(speeds, reverse=True)
     assert 0 < speeds[0] < FORWARD.linear
     assert cell.tick().twist == STANDSTILL
-    with pytest.raises(RequestRefused, match=f"move {move.id} is cancelled and cannot be cancelled") as refused:
+    with pytest.raises(RequestRefused, match=f"move {move.id} is cancelled and cannot be changed") as refused:
         cell.cancel(move.id)
     assert refused.value.code == "precondition"
 
