@@ -155,7 +155,7 @@ class NavigationSettings:
     obstacle_range: float = 8.0
     scan_timeout: float = 1.0
     scan_fail_after: float = 5.0
-    scan_min_valid_fraction: float = 0.05
+    scan_min_valid_fraction: float = 0.05  # of the beams that must be measured; one without a return is
     forget_after: float = 300.0
     forget_mover_after: float = 2.0
 

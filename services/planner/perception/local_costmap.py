@@ -147,6 +147,6 @@ def _span(middle: int, reach: int, size: int) -> tuple[int, int]:
 
 
 def is_usable(scan: Scan, min_valid_fraction: float) -> bool:
-    """Whether enough beams returned something: a lidar that sees nothing at all is blind, not free."""
+    """Whether enough beams were measured. A beam without a return (inf) is a measurement: it is free."""
     ranges = scan.ranges
-    return bool(ranges.size) and float(np.mean((ranges > 0.0) & np.isfinite(ranges))) >= min_valid_fraction
+    return bool(ranges.size) and float(np.mean(ranges > 0.0)) >= min_valid_fraction  # False for NaN

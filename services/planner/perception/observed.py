@@ -208,9 +208,9 @@ def clear_rays(evidence: Evidence, beams: Beams) -> None:
     g, serial = evidence.geometry, beams.serial
     for k in range(beams.ranges.size):
         reach = beams.ranges[k]
-        if reach <= 0.0:
+        if not reach > 0.0:  # NaN is no measurement
             continue
-        length = beams.max_range if not math.isfinite(reach) else min(reach - g.resolution, beams.max_range)
+        length = beams.max_range if math.isinf(reach) else min(reach - g.resolution, beams.max_range)
         angle = beams.sensor[2] + beams.angle_min + k * beams.angle_step
         dx, dy = math.cos(angle), math.sin(angle)
         travelled = 0.0
