@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+FAR_CELL = 2.0**40  # beyond any grid, and small enough for whole numbers everywhere
+
 
 class Geometry(NamedTuple):
     """Lower-left corner ``x``, ``y`` and cell size ``resolution`` in metres; size in cells.
@@ -19,8 +21,8 @@ class Geometry(NamedTuple):
     columns: int
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
-        """The row and column of the cell that holds a point; may lie outside the grid."""
-        return math.floor((y - self.y) / self.resolution), math.floor((x - self.x) / self.resolution)
+        """The row and column of the cell that holds a point; may lie outside the grid, at most ``FAR_CELL`` away."""
+        return _index((y - self.y) / self.resolution), _index((x - self.x) / self.resolution)
 
     def contains(self, x: float, y: float) -> bool:
         row, column = self.cell(x, y)
@@ -28,3 +30,7 @@ class Geometry(NamedTuple):
 
     def centre(self, row: int, column: int) -> tuple[float, float]:
         return self.x + (column + 0.5) * self.resolution, self.y + (row + 0.5) * self.resolution
+
+
+def _index(cells: float) -> int:
+    return math.floor(min(max(cells, -FAR_CELL), FAR_CELL))
