@@ -19,6 +19,7 @@ from rackhand.services.planner.map.grid import Mask, StaticMap
 from rackhand.services.planner.perception.dynamic_obstacles import DynamicObstacleTracker
 from rackhand.services.planner.perception.observed import ObservedObstacles
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
+from rackhand.services.planner.planning.tiles import TiledClearance
 from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
@@ -27,7 +28,12 @@ MOVER_SHADOW = 0.25  # m around a moving obstacle in which its hits may lie
 
 
 class LocalCostmap:
-    """Keeps map and observation together; ``look`` at each new scan, ``refresh`` before asking about clearances."""
+    """Keeps map and observation together; ``look`` at each new scan, ``refresh`` before asking about clearances.
+
+    ``mapped``: clearances on the map alone. ``near``: on map and observation, around the last ``refresh``.
+    """
+
+    near: DistanceGrid
 
     def __init__(self, static: StaticMap, settings: NavigationSettings) -> None:
         self.static = static
@@ -35,11 +41,12 @@ class LocalCostmap:
         self.movers = DynamicObstacleTracker()
         self._velocities: Array = np.empty((0, 2))
         self._settings = settings
-        self._cells: Array = np.empty((0, 2))
+        self._cells: Array
         self._masks: tuple[Array, ...] = ()
         self._unplanned: tuple[Array, ...] = ()
-        self.mapped = DistanceGrid.of(static.blocked, static.geometry)
-        self.near = self.mapped
+        self.mapped = TiledClearance(static.blocked, static.geometry)
+        g = static.geometry
+        self.refresh(np.array([*g.centre(g.rows // 2, g.columns // 2), 0.0]))
 
     def look(self, scan: Scan, chassis: Pose, footprint: Footprint) -> None:
         """Take a scan that was seen with the chassis at that pose."""

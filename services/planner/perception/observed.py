@@ -15,7 +15,7 @@ from rackhand.services.planner.geometry.footprint import distance_to_body
 from rackhand.services.planner.geometry.se2 import Pose, compose
 from rackhand.services.planner.geometry.se2 import pose as as_pose
 from rackhand.services.planner.map.grid import Mask, StaticMap
-from rackhand.services.planner.planning.field import distance_field
+from rackhand.services.planner.planning.field import near_blocked
 from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
@@ -25,6 +25,7 @@ FRESH, LATELY = 8, 60  # scans since the first hit of a cell, and since it was s
 SCAN_PERIOD = 0.08  # s; ages are counted in scans
 TILE = 32  # cells to each side
 RAY_STEP = 0.7  # of a cell between the points of a ray that are looked at
+WRITTEN_CELLS = 4_000_000
 WHOLE = (slice(None), slice(None))
 
 Flags = NDArray[np.bool_]
@@ -49,10 +50,12 @@ class Evidence(NamedTuple):
     @staticmethod
     def of(static: StaticMap, match_distance: float) -> Evidence:
         shape = static.blocked.shape
-        mapped = distance_field(static.occupied, static.geometry.resolution) <= match_distance
-        # Written, not np.zeros: memory that is touched first in a tick costs the tick its page faults.
-        counts = [np.full(shape, 0, dtype=np.int32) for _ in range(4)]
-        return Evidence(static.geometry, mapped, np.full(shape, 0, dtype=np.int8), *counts)
+        mapped = near_blocked(static.occupied, match_distance / static.geometry.resolution)
+        # Written, not np.zeros: memory that is touched first in a tick costs the tick its page faults. Of a large map
+        # most is never seen, and is never given any memory.
+        empty = np.full if static.blocked.size <= WRITTEN_CELLS else lambda shape, _, dtype: np.zeros(shape, dtype)
+        counts = [empty(shape, 0, dtype=np.int32) for _ in range(4)]
+        return Evidence(static.geometry, mapped, empty(shape, 0, dtype=np.int8), *counts)
 
 
 class Beams(NamedTuple):

@@ -45,10 +45,11 @@ class Perception:
     def set_map(self, data: MapData | None) -> None:
         """Use this map (or none) and forget what was observed on the former one.
 
-        Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that cannot be read; then there is none.
+        Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that cannot be read; the one before is then still in use.
         """
-        self.costmap = None
-        if data is not None:
+        if data is None:
+            self.costmap = None
+        else:
             self.costmap = LocalCostmap(load_map(data, self._settings.slow_zone_velocity), self._settings)
 
     def configure(self, settings: NavigationSettings, body: Footprint, footprint: Footprint) -> None:
