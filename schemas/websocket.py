@@ -82,7 +82,7 @@ class MotionMetrics(WsTopic):
 
 
 class PlanningStateFrame(WsTopic):
-    """state of the running or last move, remaining distance, fail reason and `message`, `stuck_state`"""
+    """state of the running or last move: targets, remaining distance, flags, `stuck_state`, fail reason, `message`"""
 
     TOPIC = "/planning_state"
     REPEATED = True
@@ -102,7 +102,14 @@ class PlanningStateFrame(WsTopic):
     intent_target_pose: PoseFrame
     stuck_state: str
     given_route_passed_point_count: int
+    paused: bool | None = None
     viewport_blocked: bool | None = None
+    aligning_with_rack: bool | None = None
+    in_elevator: bool | None = None
+    is_waiting_for_dest: bool | None = None
+    undocking_charger_or_rack: bool | None = None
+    unloading_rack: bool | None = None
+    waiting_for_charge: bool | None = None
 
 
 class PathFrame(WsTopic):

@@ -139,6 +139,13 @@ class NavigationSettings:
     # racks: the kinds that may be carried
     rack_specs: tuple[RackSpec, ...] = DEFAULT_RACKS
 
+    # setting a rack down
+    rack_point_radius: float = 0.3  # a request within this distance of a rack point means that point
+    unload_accuracy: float = 0.02  # of the chassis' position
+    unload_position_tolerance: float = 0.006  # where the approach stops
+    unload_yaw_tolerance: float = 0.005
+    unload_patience: float = 15.0  # while something is where the rack would be
+
     # the map
     slow_zone_velocity: float = 0.4
     static_match_distance: float = 0.11  # a hit this near to a mapped obstacle is that obstacle

@@ -90,7 +90,10 @@ def planning_state(facts: Facts) -> ws.PlanningStateFrame | None:
     if state is None:
         return None
     origin = ws.PoseFrame(pos=(0, 0), ori=0)
-    present: dict[str, Any] = {"viewport_blocked": True} if state.viewport_blocked else {}
+    intent_target = origin if state.intent_target is None else pose_frame(state.intent_target, 3)
+    charging = state.action_type == "charge"
+    present: dict[str, Any] = dict.fromkeys(state.flags, True)
+    present |= {name: True for name in ("paused", "viewport_blocked") if getattr(state, name)}
     if state.message:
         present["message"] = state.message
     return ws.PlanningStateFrame(
@@ -102,12 +105,12 @@ def planning_state(facts: Facts) -> ws.PlanningStateFrame | None:
         fail_reason_str=fail_reason(state.fail_reason).topic_string,
         remaining_distance=state.remaining_distance,
         target_poses=[] if state.target is None else [pose_frame(state.target, 3)],
-        charger_pose=origin,
-        going_back_to_charger=False,
-        move_intent=state.move_intent,
-        intent_target_pose=origin,
+        charger_pose=intent_target if charging else origin,
+        going_back_to_charger=charging and state.move_state == "moving",
+        move_intent="going_back_to_charger" if charging and state.move_state == "moving" else state.move_intent,
+        intent_target_pose=intent_target,
         stuck_state=state.stuck_state,
-        given_route_passed_point_count=0,
+        given_route_passed_point_count=state.passed_points,
         **present,
     )
 
