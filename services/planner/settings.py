@@ -140,6 +140,9 @@ class NavigationSettings:
     )
     default_rack: RackSpec = field(default_factory=lambda: RackSpec(width=0.9, depth=1.2))
 
+    rack_range: float = 5.0  # m from the lidar, within which the scan shows racks and free rack points
+    rack_memory: float = 1800.0  # s after it was seen last, when a rack or the state of a rack point is forgotten
+
     # setting a rack down
     rack_point_radius: float = 0.3  # a request within this distance of a rack point means that point
     unload_accuracy: float = 0.02  # of the chassis' position
