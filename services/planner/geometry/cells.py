@@ -43,13 +43,15 @@ class Geometry(NamedTuple):
 def cells_in(geometry: Geometry, polygon: NDArray[np.float64]) -> NDArray[np.int64]:
     """Flat indices of the cells whose centre is inside a convex polygon, (n, 2) in metres."""
     cells, centres = _window(geometry, polygon.min(axis=0), polygon.max(axis=0))
-    return cells[inside_convex(polygon, centres)]
+    kept: NDArray[np.int64] = cells[inside_convex(polygon, centres)]
+    return kept
 
 
 def cells_near(geometry: Geometry, point: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
     """Flat indices of the cells whose centre is within ``reach`` metres of a point, (2,)."""
     cells, centres = _window(geometry, point - reach, point + reach)
-    return cells[np.hypot(*(centres - point).T) <= reach]
+    kept: NDArray[np.int64] = cells[np.hypot(*(centres - point).T) <= reach]
+    return kept
 
 
 def _window(

@@ -174,7 +174,7 @@ class RackTracker:
 
     def _unexplained(self, observed: ObservedObstacles, sensor: Pose) -> Array:
         """Hits within range that are not on the map and no leg of a rack that is believed in."""
-        points = observed.points[observed.unmapped]
+        points: Array = observed.points[observed.unmapped]
         points = points[np.hypot(*(points - sensor[:2]).T) <= self._settings.rack_range]
         legs = [rack.leg_middles for rack in self.racks]
         if len(points) and legs:

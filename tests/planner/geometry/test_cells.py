@@ -29,4 +29,4 @@ def test_cells_in_a_polygon_and_near_a_point_are_those_whose_centres_are() -> No
     assert len(cells) == 16 and (np.abs(centres - (-0.3, 2.7)) < 0.2).all()
     assert [g.cell(*centre) for centre in centres] == [divmod(cell, g.columns) for cell in cells.tolist()]
     assert len(cells_near(g, np.array([-0.3, 2.7]), 0.1)) == 4
-    assert len(cells_in(g, square - (0.7, 0.0))) == 4, "cells beyond the edge of the grid are left out"
+    assert len(cells_in(g, square - (0.7, 0.0))) == 8, "cells beyond the edge of the grid are left out"
