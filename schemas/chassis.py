@@ -207,6 +207,19 @@ class ChassisStatus(Message):
     alerts: tuple[Alert, ...] = Field(default=(), strict=False)
 
 
+class ChassisFootprint(Message):
+    """The outline that must not touch anything now: that of the body, or while a rack is carried the convex hull of
+    body and rack with its margins.
+
+    Convex polygons, rows x, y in metres, counter-clockwise in the chassis frame. ``expanded``: moved outward by the
+    setting ``robot.footprint_expansion``.
+    """
+
+    stamp: Stamp
+    outline: Annotated[np.ndarray, Array("<f8", (-1, 2))]
+    expanded: Annotated[np.ndarray, Array("<f8", (-1, 2))]
+
+
 class JackRequest(Message):
     op: Literal["jack"] = "jack"
     direction: Literal["up", "down"]

@@ -11,6 +11,15 @@ from rackhand.schemas.base import Array, Message, Pose2, Stamp
 
 MoveState = Literal["idle", "moving", "succeeded", "failed", "cancelled"]
 StuckState = Literal["none", "move_stucked", "target_spin_stucked"]
+PlanningFlag = Literal[
+    "aligning_with_rack",
+    "in_elevator",
+    "is_waiting_for_dest",
+    "undocking_charger_or_rack",
+    "unloading_rack",
+    "waiting_for_charge",
+]
+"""What is true of a move now; ``/planning_state`` has a key of that name while it is."""
 TERMINAL: frozenset[str] = frozenset({"succeeded", "failed", "cancelled"})
 
 MoveType = Literal[
@@ -29,6 +38,8 @@ MoveType = Literal[
     "along_central_line",
 ]
 MOVE_TYPES: tuple[str, ...] = get_args(MoveType)
+INTENT_MOVE_TYPES = frozenset({"charge", "align_with_rack", "to_unload_point"})
+"""These drive to a thing, not to a pose: ``/planning_state`` shows ``intent_target_pose`` and no target poses."""
 DEPRECATED_MOVE_TYPES = frozenset({"leave_elevator", "pull_over", "parking", "along_central_line"})
 
 
@@ -94,12 +105,21 @@ class CancelMove(Message):
     id: int | None = None
 
 
+class PauseMove(Message):
+    """Hold the running move still until it is resumed, or let it go on; with an id, only if it is that one. Asking for
+    what is so already changes nothing."""
+
+    op: Literal["pause"] = "pause"
+    id: int | None = None
+    paused: bool
+
+
 class MoveRequest(Message):
-    request: Annotated[CreateMove | GetMove | ListMoves | CancelMove, Field(discriminator="op")]
+    request: Annotated[CreateMove | GetMove | ListMoves | CancelMove | PauseMove, Field(discriminator="op")]
 
 
 class MoveReply(Message):
-    """``moves`` holds the one move created, got or cancelled, or the page of a list."""
+    """``moves`` holds the one move created, got, cancelled, paused or resumed, or the page of a list."""
 
     moves: tuple[Move, ...] = Field(strict=False)
 
@@ -107,11 +127,13 @@ class MoveReply(Message):
 class PlanningState(Message):
     """State of the current (or last) move; the source of ``/planning_state``.
 
-    ``message``: why the move is held, failed or was cancelled; empty otherwise. ``move_intent``: what a move without a
-    target pose does, as docking.
+    ``message``: why the move is held, failed or was cancelled; empty otherwise. ``paused``: by a client, until it is
+    resumed. ``target``: the pose to drive to; None for a move with an ``intent_target``, which is the pose of the thing
+    it drives to, as a rack or a charger, corrected by what the scan shows of it. ``passed_points``: points of the given
+    route that the chassis has passed; kept when the move has ended.
     """
 
-    VERSION: ClassVar[int] = 2
+    VERSION: ClassVar[int] = 3
 
     stamp: Stamp
     map_uid: str = ""
@@ -122,9 +144,13 @@ class PlanningState(Message):
     remaining_distance: float = 0.0
     target: Pose2 | None = None
     message: str = ""
+    paused: bool = False
     move_intent: str = "none"
+    intent_target: Pose2 | None = None
     stuck_state: StuckState = "none"
     viewport_blocked: bool = False
+    flags: tuple[PlanningFlag, ...] = Field(default=(), strict=False)
+    passed_points: Annotated[int, Field(ge=0)] = 0
 
 
 class PlannedPath(Message):
@@ -135,9 +161,20 @@ class PlannedPath(Message):
 
 
 class MoveEvent(Message):
-    """Something that happened to a move: created, replaced, replanned, blocked, succeeded, failed, cancelled."""
+    """Something that happened to a move."""
 
     stamp: Stamp
     move_id: int
-    event: Literal["created", "replaced", "replanned", "blocked", "unblocked", "succeeded", "failed", "cancelled"]
+    event: Literal[
+        "created",
+        "replaced",
+        "replanned",
+        "blocked",
+        "unblocked",
+        "paused",
+        "resumed",
+        "succeeded",
+        "failed",
+        "cancelled",
+    ]
     text: str = ""

@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, Strict
 
 from rackhand.schemas.base import Array, Message, Pose2, Stamp
 
 Positive = Annotated[float, Field(gt=0, le=10)]
 NonNegative = Annotated[float, Field(ge=0, le=2)]
+Margin = Annotated[tuple[NonNegative, NonNegative, NonNegative, NonNegative], Strict(False)]
 Occupancy = Literal["unknown", "occupied", "free"]
+LoadState = Literal["free", "under_rack", "carrying", "docked"]
 
 
 class RackSpec(Message):
@@ -28,7 +30,7 @@ class RackSpec(Message):
 
     width: Positive
     depth: Positive
-    margin: tuple[NonNegative, NonNegative, NonNegative, NonNegative] = (0.05, 0.05, 0.05, 0.05)
+    margin: Margin = (0.05, 0.05, 0.05, 0.05)
     alignment: Literal["center", "back"] = "center"
     alignment_margin_back: NonNegative = 0.02
     extra_leg_offset: NonNegative = 0.02
@@ -44,6 +46,20 @@ class RackSpec(Message):
         return np.array(
             [(x + front, y + left), (-x - back, y + left), (-x - back, -y - right), (x + front, -y - right)]
         )
+
+
+class LoadReport(Message):
+    """What a chassis carries or is connected to, as its planner knows it.
+
+    ``state``: nothing; under a rack that is on the floor; carrying a rack; on the contacts of a charger. ``spec`` and
+    ``rack_pose`` are those of the rack, None without one; the pose is in the chassis frame while the rack is carried,
+    in the map frame while it is on the floor.
+    """
+
+    stamp: Stamp
+    state: LoadState = "free"
+    spec: RackSpec | None = None
+    rack_pose: Pose2 | None = None
 
 
 class DetectedRack(Message):

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, Literal, TypeVar
 
-from rackhand.schemas import chassis, maps, motion, moves, parameters, service, world
+from rackhand.schemas import chassis, maps, motion, moves, parameters, racks, service, world
 from rackhand.schemas import websocket as ws
+from rackhand.schemas import websocket_racks as ws_racks
 from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.service import WORLD
 
@@ -127,11 +128,16 @@ BATTERY = _chassis("chassis/battery", chassis.Battery, "driver", ("planner", "ga
 CONTACTS = _chassis("chassis/contacts", chassis.Contacts, "driver", ("planner", "viewer"), 10, Qos.STREAM,
                     "bumpers, charging contacts, cable, stop button")
 CHASSIS_MODEL = _chassis("chassis/model", chassis.ChassisModel, "driver", ("planner", "gateway", "viewer"), 0,
-                         Qos.LATCHED, "footprint, limits, lidar, jack and charge contact", ws.RobotModel)
+                         Qos.LATCHED, "footprint, limits, lidar, jack and charge contact")
 POSE = _chassis("chassis/pose", chassis.LocalisedPose, "localiser", ("planner", "gateway", "viewer"), 25, Qos.STREAM,
                 "localised pose in the map", ws.TrackedPose, ws.SlamState, ws.MatchedPoints)
 CHASSIS_STATUS = _chassis("chassis/status", chassis.ChassisStatus, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
                           "mode, stops, alerts", ws.WheelState, ws.ChassisState, ws.Alerts)
+FOOTPRINT = _chassis("chassis/footprint", chassis.ChassisFootprint, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
+                     "outline that must not touch anything now: of the body, or of body and carried rack",
+                     ws.RobotModel, ws.RobotFootprint)
+LOAD = _chassis("chassis/load", racks.LoadReport, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
+                "what the chassis carries or is connected to", ws_racks.LoadFrame)
 COMMAND = _chassis("chassis/command", chassis.ChassisCommand, "planner", ("driver", "viewer"), 25, Qos.COMMAND,
                    "body velocity and jack")
 COSTMAP = _chassis("chassis/costmap", chassis.Costmap, "planner", ("gateway", "viewer"), 1, Qos.STREAM,
@@ -142,6 +148,12 @@ PATH = _chassis("moves/path", moves.PlannedPath, "planner", ("gateway", "viewer"
                 ws.PathFrame)
 MOVE_EVENT = _chassis("moves/event", moves.MoveEvent, "planner", ("viewer",), 0, Qos.EVENT,
                       "a move was created, replanned, blocked or has ended")
+DETECTED_RACK = _chassis("racks/detected", racks.DetectedRack, "planner", ("gateway", "viewer"), 0, Qos.STREAM,
+                         "search for a rack in a scan; only while a search runs", ws_racks.DetectedRackFrame)
+DETECTED_RACK_STATES = _chassis("racks/detected_states", racks.RackStates, "planner", ("gateway", "viewer"), 0,
+                                Qos.STREAM, "occupancy of the rack points in view", ws_racks.DetectedRackStates)
+MAP_RACK_STATES = _chassis("racks/states", racks.RackStates, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
+                           "occupancy of all rack points of the map, as last seen", ws_racks.MapRackStates)
 MAP = _chassis("map", maps.CurrentMap, "planner", ("gateway", "viewer"), 0, Qos.LATCHED, "map in use, with overlays",
                ws.MapFrame, ws.MapFileFrame, ws.MapInfo, ws.SlamState)
 

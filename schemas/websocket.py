@@ -24,13 +24,15 @@ class WsTopic(Frame):
     """A topic that clients enable.
 
     ``RATE``: the most frames a second of wall time; changes of state are not held back. ``LEGACY``: its name on
-    ``/ws/topics``. ``REPEATED``: sent again after some seconds without a change, as real robots do.
+    ``/ws/topics``. ``REPEATED``: sent again after some seconds without a change, as real robots do. ``LATCHED``: the
+    last value is sent as a client enables the topic.
     """
 
     TOPIC: ClassVar[str]
     RATE: ClassVar[float] = DEFAULT_RATE
     LEGACY: ClassVar[str] = ""
     REPEATED: ClassVar[bool] = False
+    LATCHED: ClassVar[bool] = True
 
 
 class PoseFrame(Frame):
@@ -80,7 +82,7 @@ class MotionMetrics(WsTopic):
 
 
 class PlanningStateFrame(WsTopic):
-    """state of the running or last move, remaining distance, fail reason and `message`, `stuck_state`"""
+    """state of the running or last move: targets, remaining distance, flags, `stuck_state`, fail reason, `message`"""
 
     TOPIC = "/planning_state"
     REPEATED = True
@@ -100,7 +102,14 @@ class PlanningStateFrame(WsTopic):
     intent_target_pose: PoseFrame
     stuck_state: str
     given_route_passed_point_count: int
+    paused: bool | None = None
     viewport_blocked: bool | None = None
+    aligning_with_rack: bool | None = None
+    in_elevator: bool | None = None
+    is_waiting_for_dest: bool | None = None
+    undocking_charger_or_rack: bool | None = None
+    unloading_rack: bool | None = None
+    waiting_for_charge: bool | None = None
 
 
 class PathFrame(WsTopic):
@@ -231,7 +240,9 @@ class JackState(WsTopic):
 
 
 class RobotModel(WsTopic):
-    """the footprint; here x points to the robot's right, y to its front"""
+    """the outline in force (of the body, or of body and carried rack); here x points to the robot's right, y to its
+    front
+    """
 
     TOPIC = "/robot_model"
     REPEATED = True
@@ -239,6 +250,14 @@ class RobotModel(WsTopic):
     footprint: list[Xy]
     expanded_footprint: list[Xy]
     width: float
+
+
+class RobotFootprint(WsTopic):
+    """the `footprint` of `/robot_model` alone"""
+
+    TOPIC = "/robot/footprint"
+
+    footprint: list[Xy]
 
 
 class MatchedPoints(WsTopic):

@@ -10,12 +10,14 @@ from rackhand.schemas import topics
 from rackhand.schemas import websocket as ws
 from rackhand.schemas.base import Message
 from rackhand.schemas.topics import Topic
+from rackhand.services.gateway.ws import rack_payloads  # noqa: F401 - registers its topics in PAYLOADS
 from rackhand.services.gateway.ws.facts import Facts
 from rackhand.services.gateway.ws.payloads import PAYLOADS
 
 # A message that differs from the last one only in these is one more sample of a stream; any other difference is an
 # event that every client must see.
 _STREAMED = {
+    topics.DETECTED_RACK.name: {"stamp", "pose", "width", "depth", "legs", "staging"},
     topics.PLANNING_STATE.name: {"stamp", "remaining_distance"},
     topics.CHASSIS_STATUS.name: {"stamp"},
     topics.JACK.name: {"stamp", "progress", "weight"},

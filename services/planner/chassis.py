@@ -30,7 +30,7 @@ from rackhand.schemas.moves import (
     MoveCreate,
     MoveReply,
     MoveRequest,
-    PlanningState,
+    PauseMove,
 )
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Clock
@@ -46,10 +46,10 @@ from rackhand.services.planner.map.service import MapService
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteSettings
 from rackhand.services.planner.motion import Motion
-from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords, target_of
+from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
 from rackhand.services.planner.parameters import ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState
-from rackhand.services.planner.reports import Publication, Reports
+from rackhand.services.planner.reports import Publication, Reports, planning_state
 
 PERIOD_NS = 40_000_000  # between commands
 AT_REST = 0.05  # m/s and rad/s: measured below it, the chassis is at rest
@@ -91,7 +91,6 @@ class Chassis:
         self._state = ChassisState()
         self._reports = Reports()
         self._status, self._distance = Status(), 0.0
-        self._target = None if self._book.last is None else target_of(self._book.last)
         self._commanded = STANDSTILL
         self._unix_ns: int | None = None
         self._stamp = 0
@@ -220,8 +219,7 @@ class Chassis:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, self._maps.trouble)
         if self._maps.current is None:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, "no map is in use; select one first")
-        stop = "the emergency stop is on" if self._modes.emergency_stop else self._motion.settings.control.standstill()
-        if stop is not None:
+        if (stop := self._stop(move)) is not None:
             move.hold(stop)
         elif (direction := self._jacking()) is not None:
             move.hold_for_jack(direction)
@@ -231,6 +229,12 @@ class Chassis:
             move.check_jack(self._jack.failed)
             return False
         return True
+
+    def _stop(self, move: RunningMove) -> str | None:
+        """Who holds the move until he lets it go on."""
+        if self._modes.emergency_stop:
+            return "the emergency stop is on"
+        return "the move is paused on request" if move.paused else self._motion.settings.control.standstill()
 
     def _trouble(self) -> str | None:
         if self._state.model is None:
@@ -251,18 +255,10 @@ class Chassis:
         return odometry is not None and max(abs(odometry.twist.linear), abs(odometry.twist.angular)) < AT_REST
 
     def _note(self, status: Status) -> None:
-        """Keep the move's status for reports, with an event for each change that operators look for."""
-        move = self._book.current
-        before, self._status = self._status, status
-        self._distance = status.remaining_distance
-        if move is None:
-            return
-        if status.plans > max(before.plans, 1):
-            self._reports.event(self._stamp, move.id, "replanned", f"{status.remaining_distance:.2f} m left")
-        was_stuck = before.stuck_state != "none"
-        if was_stuck != (status.stuck_state != "none"):
-            text = "" if was_stuck else status.stuck_state
-            self._reports.event(self._stamp, move.id, "unblocked" if was_stuck else "blocked", text)
+        """Keep the move's status for reports."""
+        if self._book.current is not None:
+            self._reports.changes(self._stamp, self._book.current.id, self._status, status)
+        self._status, self._distance = status, status.remaining_distance
 
     # -- requests ----------------------------------------------------------------------------------------------------
 
@@ -276,9 +272,13 @@ class Chassis:
             case ListMoves(offset=offset, limit=limit):
                 return MoveReply(moves=self._book.page(offset, limit))
             case CancelMove(id=move_id):
-                move = self._book.cancellable(move_id)
+                move = self._book.active(move_id)
                 self._end("cancelled", text="cancelled on request")
                 return MoveReply(moves=(self._book.get(move.id),))
+            case PauseMove(id=move_id, paused=paused):
+                move = self._book.active(move_id)
+                self._pause(move.id, paused)
+                return MoveReply(moves=(move,))
 
     def _create(self, wanted: MoveCreate) -> None:
         if self._driver_fault:
@@ -288,11 +288,18 @@ class Chassis:
             raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is moving {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
         self._motion.begin(wanted)
-        self._status, self._distance, self._target = Status(), 0.0, target_of(wanted)
+        self._status, self._distance = Status(), 0.0
         if replaced is not None:
             self._reports.event(self._stamp, replaced.id, "replaced", f"replaced by move {move.id}")
         self._reports.event(self._stamp, move.id, "created", move.type)
         self._report()
+
+    def _pause(self, move_id: int, paused: bool) -> None:
+        running = self._motion.move
+        if running is not None and running.paused != paused:
+            running.paused = paused
+            self._reports.event(self._stamp, move_id, "paused" if paused else "resumed")
+            self._report()
 
     def maps(self, request: MapRequest) -> MapReply:
         before, changes = self._maps.current, self._maps.changes
@@ -360,7 +367,8 @@ class Chassis:
             self._end("failed", reason, text)
 
     def _end(self, state: EndState, reason: MoveFailReason = MoveFailReason.NONE, text: str = "") -> None:
-        self._status = Status(target=self._status.target)
+        last = self._status
+        self._status = Status(target=last.target, intent_target=last.intent_target, passed_points=last.passed_points)
         try:
             self._motion.end()
         finally:
@@ -369,8 +377,11 @@ class Chassis:
             self._report()
 
     def _report(self) -> None:
-        self._reports.planning(self._planning_state())
+        move, running, status = self._book.last, self._motion.move, self._status
+        self._reports.planning(planning_state(self._stamp, self._maps.current, move, running, status, self._distance))
         self._reports.path(self._stamp, self._status)
+        self._reports.footprint(self._stamp, self._motion.footprint, 0.0)
+        self._reports.load(self._stamp, self._motion.load)
         alerts = active_alerts(
             self._state,
             moving=self._book.current is not None,
@@ -386,22 +397,4 @@ class Chassis:
                 driver_alive=not self._driver_fault,
                 alerts=alerts,
             )
-        )
-
-    def _planning_state(self) -> PlanningState:
-        move, current, running = self._book.last, self._maps.current, self._motion.move
-        held = None if running is None else running.held_by
-        return PlanningState(
-            stamp=self._stamp,
-            map_uid="" if current is None else current.uid,
-            action_id=0 if move is None else move.id,
-            action_type="none" if move is None else move.type,
-            move_state="none" if move is None else move.state,
-            fail_reason=0 if move is None else move.fail_reason,
-            message=held or ("" if move is None else move.fail_message),
-            remaining_distance=self._distance,
-            target=self._status.target or self._target,
-            move_intent=self._status.intent,
-            stuck_state=self._status.stuck_state,
-            viewport_blocked=self._status.viewport_blocked,
         )

@@ -13,8 +13,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from scipy.spatial import ConvexHull
 
 from rackhand.runtime.store import Store
+from rackhand.schemas.base import Pose2
 from rackhand.schemas.codec import explain
-from rackhand.schemas.racks import RackSpec
+from rackhand.schemas.racks import LoadReport, RackSpec
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.errors import StoreError
 from rackhand.services.planner.geometry import se2
@@ -63,6 +64,13 @@ class Load(BaseModel):
             return body
         points = np.vstack([body.polygon, rack])
         return Footprint.of(points[ConvexHull(points).vertices])
+
+    def report(self, stamp: int) -> LoadReport:
+        """As it is published."""
+        pose = (
+            None if self.rack_pose is None else Pose2(x=self.rack_pose[0], y=self.rack_pose[1], yaw=self.rack_pose[2])
+        )
+        return LoadReport(stamp=stamp, state=self.state.value, spec=self.spec, rack_pose=pose)
 
     @staticmethod
     def under(spec: RackSpec, rack: Pose) -> Load:

@@ -9,11 +9,15 @@ import numpy as np
 
 from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS, Message
-from rackhand.schemas.chassis import ChassisStatus, Costmap
+from rackhand.schemas.chassis import ChassisFootprint, ChassisStatus, Costmap
 from rackhand.schemas.maps import CurrentMap, MapData
-from rackhand.schemas.moves import MoveEvent, PlannedPath, PlanningState
+from rackhand.schemas.moves import INTENT_MOVE_TYPES, Move, MoveEvent, PlannedPath, PlanningState
 from rackhand.schemas.topics import Topic
 from rackhand.services.planner.behaviors.base import Status
+from rackhand.services.planner.behaviors.running import RunningMove
+from rackhand.services.planner.geometry.footprint import Footprint, expanded
+from rackhand.services.planner.load import Load
+from rackhand.services.planner.moves.book import target_of
 
 PERIOD_NS = NANOSECONDS // 5
 COSTMAP_PERIOD_NS = NANOSECONDS
@@ -37,6 +41,8 @@ class Reports:
         self._path = np.empty((0, 3))
         self._path_known, self._path_stamp, self._plans = False, 0, 0
         self._costmap_stamp: int | None = None
+        self._footprint: tuple[Footprint, float] | None = None
+        self._load: Load | None = None
 
     def take(self) -> list[Publication]:
         """All that is due now, in order; each once."""
@@ -45,6 +51,14 @@ class Reports:
 
     def event(self, stamp: int, move_id: int, event: Any, text: str = "") -> None:
         self._put(topics.MOVE_EVENT, MoveEvent(stamp=stamp, move_id=move_id, event=event, text=text))
+
+    def changes(self, stamp: int, move_id: int, before: Status, now: Status) -> None:
+        """An event for each change of a move's status that operators look for."""
+        if now.plans > max(before.plans, 1):
+            self.event(stamp, move_id, "replanned", f"{now.remaining_distance:.2f} m left")
+        was_stuck = before.stuck_state != "none"
+        if was_stuck != (now.stuck_state != "none"):
+            self.event(stamp, move_id, "unblocked" if was_stuck else "blocked", "" if was_stuck else now.stuck_state)
 
     def map(self, stamp: int, data: MapData | None) -> None:
         self._put(topics.MAP, CurrentMap(stamp=stamp, map=data))
@@ -79,6 +93,21 @@ class Reports:
         if costmap is not None:
             self._put(topics.COSTMAP, costmap)
 
+    def footprint(self, stamp: int, footprint: Footprint | None, expansion: float) -> None:
+        """The outline in force, once the chassis is known and when it changed; ``expansion`` in metres."""
+        last = self._footprint
+        if footprint is None or (last is not None and last[0] is footprint and last[1] == expansion):
+            return
+        self._footprint = footprint, expansion
+        outline = footprint.polygon
+        message = ChassisFootprint(stamp=stamp, outline=outline, expanded=expanded(outline, expansion))
+        self._put(topics.FOOTPRINT, message)
+
+    def load(self, stamp: int, load: Load) -> None:
+        if load is not self._load:
+            self._load = load
+            self._put(topics.LOAD, load.report(stamp))
+
     def status(self, status: ChassisStatus) -> None:
         if self._status is None or _without(self._status) != _without(status):
             self._status = status
@@ -86,6 +115,40 @@ class Reports:
 
     def _put(self, topic: Topic[Any], message: Message) -> None:
         self._due.append(Publication(topic, message))
+
+
+def planning_state(
+    stamp: int,
+    current: MapData | None,
+    move: Move | None,
+    running: RunningMove | None,
+    status: Status,
+    remaining_distance: float,
+) -> PlanningState:
+    """Of the running or last move, which is ``running`` if it has not ended."""
+    map_uid = "" if current is None else current.uid
+    if move is None:
+        return PlanningState(stamp=stamp, map_uid=map_uid)
+    # A behaviour that has not said where it drives drives where it was asked to.
+    requested, has_intent = target_of(move), move.type in INTENT_MOVE_TYPES
+    return PlanningState(
+        stamp=stamp,
+        map_uid=map_uid,
+        action_id=move.id,
+        action_type=move.type,
+        move_state=move.state,
+        fail_reason=move.fail_reason,
+        message=(running.held_by if running is not None else None) or move.fail_message,
+        paused=running is not None and running.paused,
+        remaining_distance=remaining_distance,
+        target=None if has_intent else status.target or requested,
+        move_intent=status.intent,
+        intent_target=(status.intent_target or requested) if has_intent else None,
+        stuck_state=status.stuck_state,
+        viewport_blocked=status.viewport_blocked,
+        flags=tuple(sorted(status.flags)),
+        passed_points=status.passed_points,
+    )
 
 
 def _without(message: Message, *names: str) -> dict[str, Any]:

@@ -140,6 +140,13 @@ class NavigationSettings:
     )
     default_rack: RackSpec = field(default_factory=lambda: RackSpec(width=0.9, depth=1.2))
 
+    # setting a rack down
+    rack_point_radius: float = 0.3  # a request within this distance of a rack point means that point
+    unload_accuracy: float = 0.02  # of the chassis' position
+    unload_position_tolerance: float = 0.006  # where the approach stops
+    unload_yaw_tolerance: float = 0.005
+    unload_patience: float = 15.0  # while something is where the rack would be
+
     # the map
     slow_zone_velocity: float = 0.4
     static_match_distance: float = 0.11  # a hit this near to a mapped obstacle is that obstacle

@@ -13,6 +13,7 @@ from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import LocalisedPose, Odometry, Scan
 from rackhand.schemas.maps import MapData
 from rackhand.schemas.moves import MoveCreate
+from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.behaviors.base import Drive
 from rackhand.services.planner.control.dynamic_avoidance import least_gap
 from rackhand.services.planner.control.mppi import CostField, Mppi
@@ -21,6 +22,7 @@ from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.map.grid import load_map
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.perception.chassis_state import ChassisState
+from rackhand.services.planner.perception.rack_legs import find_rack, leg_middles
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.planning.plan import GlobalPlanner, Target
 from rackhand.services.planner.settings import NavigationSettings
@@ -39,6 +41,7 @@ def warm_up(settings: NavigationSettings) -> None:
         # A corridor in which the body cannot turn: the search with the footprint.
         _drive(motion, _room(corridor=True), MoveCreate(target_x=4.0, target_y=2.5, target_ori=0.0), 4 * TICK)
     _give_way(settings)
+    _look_for_a_rack()
 
 
 def _drive(motion: Motion, data: MapData, request: MoveCreate, stamp: int) -> None:
@@ -68,6 +71,13 @@ def _give_way(settings: NavigationSettings) -> None:
         here, STANDSTILL, STANDSTILL, room, CostField(plan.cost, static.geometry), goal, movers, footprint,
         settings.control.max_forward_velocity,
     )  # fmt: skip
+
+
+def _look_for_a_rack() -> None:
+    spec = RackSpec(width=0.8, depth=0.8)
+    legs = leg_middles(spec) + np.array([1.5, 0.0])
+    points = np.repeat(legs, 3, axis=0) + np.tile([(0.0, -0.01), (0.0, 0.0), (0.0, 0.01)], (4, 1))
+    find_rack(points, np.zeros(3), np.array([1.5, 0.0, 0.0]), (spec,))
 
 
 def _room(corridor: bool = False) -> MapData:

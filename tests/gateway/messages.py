@@ -8,9 +8,20 @@ from typing import Any
 import numpy as np
 
 from rackhand.schemas.base import Pose2, Twist2
-from rackhand.schemas.chassis import Battery, ChassisModel, ChassisStatus, Costmap, Jack, LocalisedPose, Odometry, Scan
+from rackhand.schemas.chassis import (
+    Battery,
+    ChassisFootprint,
+    ChassisModel,
+    ChassisStatus,
+    Costmap,
+    Jack,
+    LocalisedPose,
+    Odometry,
+    Scan,
+)
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import PlannedPath, PlanningState
+from rackhand.schemas.racks import DetectedRack, LoadReport, RackLevel, RackPoint, RackSpec, RackStates
 from rackhand.schemas.world import Clock
 from tests.chassis_models import chassis_model
 from tests.gateway.harness import grey_png
@@ -89,6 +100,35 @@ def model(half_width: float = 0.2) -> ChassisModel:
     """0.6 m long (0.4 m of it in front), 0.4 m wide."""
     corners = [[-0.2, -half_width], [0.4, -half_width], [0.4, half_width], [-0.2, half_width]]
     return chassis_model(corners, wheel_separation=0.35, wheel_radius=0.08)
+
+
+def footprint(half_width: float = 0.2) -> ChassisFootprint:
+    """That of ``model``, expanded by 1 cm."""
+    outline = model(half_width).footprint
+    return ChassisFootprint(stamp=0, outline=outline, expanded=outline + 0.01 * np.sign(outline))
+
+
+RACK = RackSpec(width=0.9, depth=1.2, margin=(0.1, 0.2, 0.05, 0.05))
+
+
+def load(state: Any = "carrying", rack_pose: Pose2 | None = None) -> LoadReport:
+    """A rack 0.5 m before the chassis' origin, turned to the left."""
+    at = rack_pose or Pose2(x=0.5, y=0.0, yaw=math.pi / 2)
+    return LoadReport(stamp=0, state=state, spec=RACK, rack_pose=at)
+
+
+def detected_rack(detected: bool = True, width: float = 0.91) -> DetectedRack:
+    if not detected:
+        return DetectedRack(stamp=0, detected=False)
+    legs = np.array([[3.4, 2.0], [3.4, 2.8], [4.5, 2.8], [4.5, 2.0]])
+    at = Pose2(x=4.0, y=2.4, yaw=0.02)
+    staging = Pose2(x=2.5, y=2.4, yaw=0.02)
+    return DetectedRack(stamp=0, detected=True, pose=at, width=width, depth=1.19, legs=legs, staging=staging)
+
+
+def rack_states(state: Any = "occupied", stamp: int = SECOND) -> RackStates:
+    level = RackLevel(stamp=stamp, state=state)
+    return RackStates(stamp=stamp, map_uid="hall", racks=(RackPoint(poi_id="storage-1", levels=(level,)),))
 
 
 def costmap(columns: int = 3) -> Costmap:

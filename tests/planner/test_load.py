@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rackhand.schemas import topics
+from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import Contacts, Jack
 from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.geometry.footprint import Footprint
@@ -66,6 +68,28 @@ def test_the_footprint_holds_body_and_rack() -> None:
     short = RackSpec(width=0.8, depth=0.4)
     long = Load(state=LoadState.CARRYING, spec=short, rack_pose=(0.0, 0.0, 0.0)).footprint(body)
     assert long.polygon[:, 0].max() == pytest.approx(0.375), "the body sticks out"
+
+
+def test_footprint_and_load_are_published_once_and_when_they_change(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell(jack=Jack(stamp=0, state="hold", progress=0.0, weight=0.0))
+    cell.tick(3)
+    (empty,) = cell.heard(topics.FOOTPRINT)
+    assert np.ptp(empty.outline, axis=0) == pytest.approx([0.75, 0.46])
+    assert [load.state for load in cell.heard(topics.LOAD)] == ["free"]
+    cell.jack = Jack(stamp=0, state="hold", progress=1.0, weight=90.0)
+    cell.tick(3)
+    outline = cell.heard(topics.FOOTPRINT)[1].outline
+    assert np.ptp(outline, axis=0) == pytest.approx([1.3, 1.0]), (
+        "the largest rack with its margins, as none was measured"
+    )
+    load = cell.heard(topics.LOAD)[-1]
+    assert load.state == "carrying" and (load.spec.width, load.spec.depth) == (0.9, 1.2)
+    assert load.rack_pose == Pose2(x=0.0, y=0.0, yaw=0.0)
+    cell.jack = Jack(stamp=0, state="hold", progress=0.0, weight=0.0)
+    cell.tick(3)
+    assert np.ptp(cell.heard(topics.FOOTPRINT)[2].outline, axis=0) == pytest.approx([0.75, 0.46])
+    assert [load.state for load in cell.heard(topics.LOAD)] == ["free", "carrying", "under_rack"]
+    assert len(cell.heard(topics.FOOTPRINT)) == 3
 
 
 def test_it_survives_a_restart_and_the_footprint_with_it(make_cell: Callable[..., Cell], tmp_path: Path) -> None:

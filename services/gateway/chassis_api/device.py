@@ -101,7 +101,7 @@ def _caps(model: ChassisModel) -> dict[str, bool]:
 
 def _robot(model: ChassisModel) -> dict[str, Any]:
     return {
-        "footprint": footprint(model),
+        "footprint": footprint(model.footprint),
         "inscribed_radius": round(inscribed_radius(model.footprint), 4),
         "height": model.height,
         "thickness": round(model.thickness, 4),

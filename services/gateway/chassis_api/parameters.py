@@ -85,7 +85,7 @@ def _outline(gateway: Context) -> Outline:
     model = gateway.state.facts.newest(topics.CHASSIS_MODEL)
     if model is None:
         raise unavailable(f"the driver of {robot} has not described the chassis yet")
-    return [list(corner) for corner in footprint(model)]
+    return [list(corner) for corner in footprint(model.footprint)]
 
 
 def _equal(given: Outline, outline: Outline) -> bool:

@@ -152,6 +152,7 @@ class Hub:
         self._due: dict[str, asyncio.TimerHandle] = {}
         self._repeats: dict[str, asyncio.TimerHandle] = {}
         self._planning_changed = asyncio.Event()
+        self._not_latched = {view.TOPIC for view in topics.websocket_topics() if not view.LATCHED}
         self._repeated = {view.TOPIC for view in topics.websocket_topics() if view.REPEATED}
 
     def join(self, legacy: bool = False) -> Client:
@@ -182,6 +183,8 @@ class Hub:
 
     def send_present(self, client: Client, name: str) -> None:
         """The latched value of a topic the client has just enabled, if there is one."""
+        if client.topic_of(name) in self._not_latched:
+            return
         text = self._frame(client.topic_of(name), name)
         if text is not None:
             client.outbox.stream(name, text)

@@ -56,8 +56,11 @@ class Facts:
 
     def unix(self, stamp: int) -> float:
         """Unix seconds of a stamp. Without a simulator, stamps are unix nanoseconds themselves."""
+        return self.unix_ns(stamp) / NANOSECONDS
+
+    def unix_ns(self, stamp: int) -> int:
         clock = self.newest(topics.CLOCK)
-        return (stamp + (clock.unix_ns if clock else 0)) / NANOSECONDS
+        return stamp + (clock.unix_ns if clock else 0)
 
     @property
     def quality(self) -> int:

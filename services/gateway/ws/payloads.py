@@ -10,11 +10,11 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rackhand.schemas import topics
 from rackhand.schemas import websocket as ws
 from rackhand.schemas.base import Pose2
-from rackhand.schemas.chassis import ChassisModel
 from rackhand.schemas.maps import MapData
 from rackhand.schemas.scan_points import scan_points
 from rackhand.services.gateway.chassis_api.models import fail_reason
@@ -90,7 +90,10 @@ def planning_state(facts: Facts) -> ws.PlanningStateFrame | None:
     if state is None:
         return None
     origin = ws.PoseFrame(pos=(0, 0), ori=0)
-    present: dict[str, Any] = {"viewport_blocked": True} if state.viewport_blocked else {}
+    intent_target = origin if state.intent_target is None else pose_frame(state.intent_target, 3)
+    charging = state.action_type == "charge"
+    present: dict[str, Any] = dict.fromkeys(state.flags, True)
+    present |= {name: True for name in ("paused", "viewport_blocked") if getattr(state, name)}
     if state.message:
         present["message"] = state.message
     return ws.PlanningStateFrame(
@@ -102,12 +105,12 @@ def planning_state(facts: Facts) -> ws.PlanningStateFrame | None:
         fail_reason_str=fail_reason(state.fail_reason).topic_string,
         remaining_distance=state.remaining_distance,
         target_poses=[] if state.target is None else [pose_frame(state.target, 3)],
-        charger_pose=origin,
-        going_back_to_charger=False,
-        move_intent=state.move_intent,
-        intent_target_pose=origin,
+        charger_pose=intent_target if charging else origin,
+        going_back_to_charger=charging and state.move_state == "moving",
+        move_intent="going_back_to_charger" if charging and state.move_state == "moving" else state.move_intent,
+        intent_target_pose=intent_target,
         stuck_state=state.stuck_state,
-        given_route_passed_point_count=0,
+        given_route_passed_point_count=state.passed_points,
         **present,
     )
 
@@ -232,12 +235,20 @@ def jack_state(facts: Facts) -> ws.JackState | None:
 
 @payload(ws.RobotModel)
 def robot_model(facts: Facts) -> ws.RobotModel | None:
-    model = facts.newest(topics.CHASSIS_MODEL)
-    if model is None:
+    shape = facts.newest(topics.FOOTPRINT)
+    if shape is None:
         return None
-    outline = footprint(model)
+    outline = footprint(shape.outline)
     across = [x for x, _ in outline]
-    return ws.RobotModel(footprint=outline, expanded_footprint=outline, width=round(max(across) - min(across), 4))
+    return ws.RobotModel(
+        footprint=outline, expanded_footprint=footprint(shape.expanded), width=round(max(across) - min(across), 4)
+    )
+
+
+@payload(ws.RobotFootprint)
+def robot_footprint(facts: Facts) -> ws.RobotFootprint | None:
+    shape = facts.newest(topics.FOOTPRINT)
+    return None if shape is None else ws.RobotFootprint(footprint=footprint(shape.outline))
 
 
 @payload(ws.MatchedPoints)
@@ -251,9 +262,9 @@ def matched_points(facts: Facts) -> ws.MatchedPoints | None:
     return ws.MatchedPoints(stamp=facts.unix(scan.stamp), points=np.round(flat, 3).tolist())
 
 
-def footprint(model: ChassisModel) -> list[tuple[float, float]]:
-    """The body's corners in this API's frame: x to the robot's right, y to its front."""
-    return [(round(float(-y), 4) + 0.0, round(float(x), 4)) for x, y in model.footprint]
+def footprint(outline: NDArray[np.float64]) -> list[tuple[float, float]]:
+    """Corners (n, 2) of the chassis frame in this API's frame: x to the robot's right, y to its front."""
+    return [(round(float(-y), 4) + 0.0, round(float(x), 4)) for x, y in outline]
 
 
 def pose_frame(pose: Pose2, decimals: int = 4) -> ws.PoseFrame:

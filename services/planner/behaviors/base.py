@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rackhand.schemas.base import Pose2, Twist2
-from rackhand.schemas.moves import StuckState
+from rackhand.schemas.moves import PlanningFlag, StuckState
 from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
@@ -52,17 +52,21 @@ class Done:
 class Status:
     """What ``/planning_state`` and ``/path`` show of a running move.
 
-    ``target`` is None for a move that has an ``intent`` instead, as docking has. ``path``: rows x, y, yaw ahead in the
-    map frame. ``plans`` counts the paths taken so far; from the second on it is a replanned one.
+    ``target`` is None for a move that has an ``intent_target`` instead, the pose of a rack or a charger as it is known
+    by now; without either the requested pose is shown. ``path``: rows x, y, yaw ahead in the map frame. ``plans``
+    counts the paths taken so far; from the second on it is a replanned one. ``passed_points``: of a given route.
     """
 
     target: Pose2 | None = None
     intent: str = "none"
+    intent_target: Pose2 | None = None
     path: Array = field(default_factory=lambda: np.empty((0, 3)))
     remaining_distance: float = 0.0
     stuck_state: StuckState = "none"
     viewport_blocked: bool = False
     plans: int = 0
+    passed_points: int = 0
+    flags: frozenset[PlanningFlag] = frozenset()
 
 
 @dataclass(frozen=True)

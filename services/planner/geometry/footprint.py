@@ -55,6 +55,21 @@ class Footprint(NamedTuple):
         )
 
 
+def expanded(polygon: Array, distance: float) -> Array:
+    """A convex polygon (n, 2), counter-clockwise, with each side moved outward by ``distance`` in metres.
+
+    A corner goes to the intersection of the moved sides: p + d·(n1 + n2) / (1 + n1·n2), with their unit normals.
+    """
+    sides = np.roll(polygon, -1, axis=0) - polygon
+    lengths = np.hypot(sides[:, 0], sides[:, 1])
+    corners, sides = polygon[lengths > 1e-6], sides[lengths > 1e-6]
+    normals = np.column_stack([sides[:, 1], -sides[:, 0]]) / lengths[lengths > 1e-6, None]
+    before = np.roll(normals, 1, axis=0)
+    bisector = (normals + before) / (1.0 + np.sum(normals * before, axis=1))[:, None]
+    moved: Array = corners + distance * bisector
+    return moved
+
+
 def _outline(points: Array, following: Array) -> Array:
     """Small discs inside along the sides, and the corners."""
     rows = [(*corner, 0.0) for corner in points]

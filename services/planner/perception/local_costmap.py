@@ -37,6 +37,7 @@ class LocalCostmap:
         self._settings = settings
         self._cells: Array = np.empty((0, 2))
         self._masks: tuple[Array, ...] = ()
+        self._unplanned: tuple[Array, ...] = ()
         self.mapped = DistanceGrid.of(static.blocked, static.geometry)
         self.near = self.mapped
 
@@ -69,8 +70,16 @@ class LocalCostmap:
         free = inside_convex(polygon, centres).reshape(g.rows, g.columns)
         masked.near = DistanceGrid.of((self.near.distance == 0.0) & ~free, g)
         masked._masks = (*self._masks, polygon)
+        masked._unplanned = (*self._unplanned, polygon)
         masked._cells = self._cells[~inside_convex(polygon, self._cells)]
         return masked
+
+    def planning_through(self, polygon: Array) -> LocalCostmap:
+        """This costmap whose plans leave out observed obstacles inside a convex polygon, (n, 2) metres in the map
+        frame: a path then leads up to what is in there, and driving stops before it."""
+        opened = copy.copy(self)
+        opened._unplanned = (*self._unplanned, polygon)
+        return opened
 
     def observed_cells(self) -> NDArray[np.int64]:
         """Flat indices of the cells of the whole map that hold an observed obstacle; what moves will be elsewhere."""
@@ -81,8 +90,15 @@ class LocalCostmap:
             row, column = g.cell(mover.position[0], mover.position[1])
             reach = math.ceil((mover.radius + MOVER_SHADOW) / g.resolution)
             kept &= (np.abs(rows - row) > reach) | (np.abs(columns - column) > reach)
+        for polygon in self._unplanned:
+            kept &= ~inside_convex(polygon, self._centres(rows, columns))
         flat: NDArray[np.int64] = rows[kept] * g.columns + columns[kept]
         return flat
+
+    def _centres(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+        """Centres of cells of the map, (n, 2) in metres."""
+        g = self.static.geometry
+        return np.column_stack([g.x + (columns + 0.5) * g.resolution, g.y + (rows + 0.5) * g.resolution])
 
     def blocked(self) -> Mask:
         """Map and observed obstacles, everywhere."""

@@ -78,7 +78,8 @@ class Perception:
         if self.pose is not None and self.costmap is not None:
             chassis = self._filter.at(scan.stamp)
             points = points_of(scan, self._settings.obstacle_range, self._body or footprint)
-            self.seen = SeenScan(scan.stamp, points, chassis, self._filter.odometry_at(scan.stamp))
+            odometry, sensor = self._filter.odometry_at(scan.stamp), se2.pose(scan.sensor)
+            self.seen = SeenScan(scan.stamp, points, chassis, odometry, sensor)
             self.costmap.look(scan, chassis, footprint)
             self.costmap.refresh(self.pose)
 

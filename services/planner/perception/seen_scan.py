@@ -18,12 +18,14 @@ Array = NDArray[np.float64]
 class SeenScan(NamedTuple):
     """One scan. ``points``: what returned within reach and is no part of the body, (n, 2) in the chassis frame at
     ``stamp`` (ns), in the order of the beams. ``chassis`` is the pose then in the map, ``odometry`` in its own frame.
+    ``sensor`` is the lidar's pose in the chassis frame.
     """
 
     stamp: int
     points: Array
     chassis: Pose
     odometry: Pose
+    sensor: Pose
 
     @property
     def in_map(self) -> Array:

@@ -46,7 +46,11 @@ def test_every_frame_is_registered_under_the_topic_of_its_model() -> None:
         (topics.BATTERY, messages.battery()),
         (topics.CHASSIS_STATUS, messages.status()),
         (topics.JACK, messages.jack()),
-        (topics.CHASSIS_MODEL, messages.model()),
+        (topics.FOOTPRINT, messages.footprint()),
+        (topics.LOAD, messages.load()),
+        (topics.DETECTED_RACK, messages.detected_rack()),
+        (topics.DETECTED_RACK_STATES, messages.rack_states()),
+        (topics.MAP_RACK_STATES, messages.rack_states()),
         (topics.COSTMAP, costmap(np.zeros(6, np.uint8))),
         (topics.SCAN, messages.scan()),
     ):
@@ -193,9 +197,12 @@ def test_jack_state() -> None:
 
 
 def test_footprints_have_x_to_the_right_and_y_to_the_front() -> None:
-    frame = fields(payloads.robot_model(Facts({topics.CHASSIS_MODEL: messages.model()})))
+    facts = Facts({topics.FOOTPRINT: messages.footprint()})
+    frame = fields(payloads.robot_model(facts))
     assert frame["footprint"] == [[0.2, -0.2], [0.2, 0.4], [-0.2, 0.4], [-0.2, -0.2]]
+    assert frame["expanded_footprint"] == [[0.21, -0.21], [0.21, 0.41], [-0.21, 0.41], [-0.21, -0.21]]
     assert frame["width"] == 0.4
+    assert fields(payloads.robot_footprint(facts)) == {"footprint": frame["footprint"]}
 
 
 def test_path_has_headings_and_unix_seconds() -> None:

@@ -71,7 +71,10 @@ STATE_TOPICS = {
     "/chassis_state": [(topics.CHASSIS_STATUS, messages.status())],
     "/alerts": [(topics.CHASSIS_STATUS, messages.status())],
     "/jack_state": [(topics.JACK, messages.jack())],
-    "/robot_model": [(topics.CHASSIS_MODEL, messages.model())],
+    "/robot_model": [(topics.FOOTPRINT, messages.footprint())],
+    "/robot/footprint": [(topics.FOOTPRINT, messages.footprint())],
+    "/load_state": [(topics.POSE, messages.pose()), (topics.LOAD, messages.load())],
+    "/map_rack_states": [(topics.MAP_RACK_STATES, messages.rack_states())],
     "/map_v2": [(topics.MAP, messages.current_map())],
     "/map/costmap_v2": [(topics.COSTMAP, messages.costmap())],
     "/scan_matched_points2": [(topics.SCAN, messages.scan()), (topics.POSE, messages.pose())],
@@ -91,13 +94,46 @@ CHANGED = {
     "/chassis_state": (topics.CHASSIS_STATUS, messages.status(control_mode="manual"), {"control_mode": "manual"}),
     "/alerts": (topics.CHASSIS_STATUS, messages.status(alerts=(ALERT,)), {"alerts": [ALERT.model_dump()]}),
     "/jack_state": (topics.JACK, messages.jack("jacking_up", 0.5), {"state": "jacking_up", "progress": 0.5}),
-    "/robot_model": (topics.CHASSIS_MODEL, messages.model(half_width=0.3), {"width": 0.6}),
+    "/robot_model": (topics.FOOTPRINT, messages.footprint(half_width=0.3), {"width": 0.6}),
+    "/robot/footprint": (
+        topics.FOOTPRINT,
+        messages.footprint(half_width=0.3),
+        {"footprint": [[0.3, -0.2], [0.3, 0.4], [-0.3, 0.4], [-0.3, -0.2]]},
+    ),
+    "/load_state": (topics.LOAD, messages.load("under_rack"), {"state": "under_rack"}),
+    "/map_rack_states": (
+        topics.MAP_RACK_STATES,
+        messages.rack_states().model_copy(update={"racks": ()}),
+        {"racks": []},
+    ),
     "/scan_matched_points2": (topics.SCAN, messages.scan(left=3.0), {"points": [[-0.351, 4.681, 0.0]]}),
 }
 
 
 def test_every_topic_is_tried() -> None:
-    assert set(STATE_TOPICS) == set(CHANGED) == set(PAYLOADS)
+    assert set(STATE_TOPICS) == set(CHANGED)
+    assert set(STATE_TOPICS) | set(NOT_LATCHED) == set(PAYLOADS)
+
+
+NOT_LATCHED = {
+    "/detected_rack": (topics.DETECTED_RACK, messages.detected_rack(), {"rack_detected": True}),
+    "/detected_rack_states": (topics.DETECTED_RACK_STATES, messages.rack_states(), {"map_uid": "hall"}),
+}
+
+
+@pytest.mark.parametrize("topic", NOT_LATCHED)
+def test_what_is_seen_at_the_moment_is_not_sent_to_a_client_that_comes_later(gateway: Gateway, topic: str) -> None:
+    row, message, fields = NOT_LATCHED[topic]
+    gateway.publish(row, message)
+    gateway.publish(topics.FOOTPRINT, messages.footprint())
+    with gateway.websocket() as client:
+        assert client.ask({"enable_topic": topic}) == {"enabled_topics": [topic]}
+        client.send({"enable_topic": "/robot_model"})
+        assert "enabled_topics" in client.receive()
+        assert client.receive()["topic"] == "/robot_model"
+        gateway.publish(row, message)
+        frame = client.receive()
+        assert frame["topic"] == topic and fields.items() <= frame.items()
 
 
 @pytest.mark.parametrize("topic", STATE_TOPICS)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rackhand.services.planner.geometry.footprint import RIM, Footprint, distance_to_body, edge_distance
+from rackhand.services.planner.geometry.footprint import RIM, Footprint, distance_to_body, edge_distance, expanded
 from rackhand.services.planner.geometry.se2 import compose
 from tests.planner.plant import BODY
 
@@ -51,6 +51,14 @@ def test_signed_distance_beside_a_side_and_beyond_a_corner() -> None:
     assert edge_distance(FOOTPRINT.edges, 0.0, 0.0) == pytest.approx(-HALF_WIDTH)
     assert edge_distance(FOOTPRINT.edges, 1.0, 0.1) == pytest.approx(1.0 - HALF_LENGTH)
     assert edge_distance(FOOTPRINT.edges, HALF_LENGTH + 0.3, HALF_WIDTH + 0.4) == pytest.approx(0.4)
+
+
+@given(convex(), st.floats(0.0, 0.3))
+def test_an_expanded_polygon_has_its_sides_so_much_further_out(polygon: np.ndarray, distance: float) -> None:
+    body = Footprint.of(polygon)
+    larger = Footprint.of(expanded(body.polygon, distance))
+    assert larger.edges[:, :2] == pytest.approx(body.edges[:, :2], abs=1e-6)
+    assert larger.edges[:, 2] == pytest.approx(body.edges[:, 2] + distance)
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4))

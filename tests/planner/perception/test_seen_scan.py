@@ -33,5 +33,5 @@ def test_points_are_in_the_chassis_frame_without_the_body_and_without_what_is_to
 
 def test_points_in_the_map_are_seen_from_the_chassis() -> None:
     points = points_of(scan(1.0, 2.0, math.nan, math.nan), 8.0, Footprint.of(BODY))
-    seen = SeenScan(1, points, np.array([5.0, 6.0, math.pi / 2]), np.zeros(3))
+    seen = SeenScan(1, points, np.array([5.0, 6.0, math.pi / 2]), np.zeros(3), np.zeros(3))
     assert seen.in_map == pytest.approx(np.array([(5.0, 7.2), (3.0, 6.2)]))

@@ -1,0 +1,94 @@
+"""The frames of the WebSocket topics about racks, made as in ``payloads``."""
+
+from __future__ import annotations
+
+from rackhand.schemas import planar, topics
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.racks import RackStates
+from rackhand.schemas.websocket_racks import (
+    CarriedRack,
+    DetectedRackFrame,
+    DetectedRackStates,
+    LoadFrame,
+    MapRackStates,
+    RackBox,
+    RackLevelRow,
+    RackPointRow,
+)
+from rackhand.services.gateway.ws.facts import Facts
+from rackhand.services.gateway.ws.payloads import payload, pose_frame
+
+
+@payload(LoadFrame)
+def load_state(facts: Facts) -> LoadFrame | None:
+    load = facts.newest(topics.LOAD)
+    if load is None:
+        return None
+    pose = rack_pose(facts)
+    if load.spec is None or pose is None:
+        return LoadFrame(state=load.state)
+    return LoadFrame(
+        state=load.state,
+        rack=CarriedRack(
+            pose=pose_frame(pose),
+            width=load.spec.width,
+            depth=load.spec.depth,
+            outline=[_rounded(planar.transform(_tuple(pose), x, y)) for x, y in load.spec.outline().tolist()],
+        ),
+    )
+
+
+@payload(DetectedRackFrame)
+def detected_rack(facts: Facts) -> DetectedRackFrame | None:
+    """The heading of the rack is that of the chassis under it, so the aligned box is the measured one."""
+    found = facts.newest(topics.DETECTED_RACK)
+    if found is None:
+        return None
+    if not found.detected or found.pose is None:
+        return DetectedRackFrame(rack_detected=False)
+    box = RackBox(pose=pose_frame(found.pose), width=round(found.width, 4), height=round(found.depth, 4))
+    return DetectedRackFrame(rack_detected=True, frame="map", rack_box=box, rack_box_aligned=box)
+
+
+@payload(DetectedRackStates)
+def detected_rack_states(facts: Facts) -> DetectedRackStates | None:
+    states = facts.newest(topics.DETECTED_RACK_STATES)
+    return None if states is None else DetectedRackStates(map_uid=states.map_uid, racks=_rack_points(facts, states))
+
+
+@payload(MapRackStates)
+def map_rack_states(facts: Facts) -> MapRackStates | None:
+    states = facts.newest(topics.MAP_RACK_STATES)
+    return None if states is None else MapRackStates(map_uid=states.map_uid, racks=_rack_points(facts, states))
+
+
+def rack_pose(facts: Facts) -> Pose2 | None:
+    """Where in the map the rack is that the robot is under or carries; None without one, or while it is unknown."""
+    load, robot = facts.newest(topics.LOAD), facts.newest(topics.POSE)
+    if load is None or load.rack_pose is None or load.state != "carrying":
+        return None if load is None else load.rack_pose
+    if robot is None:
+        return None
+    x, y, yaw = planar.compose(_tuple(robot.pose), _tuple(load.rack_pose))
+    return Pose2(x=x, y=y, yaw=yaw)
+
+
+def _rack_points(facts: Facts, states: RackStates) -> list[RackPointRow]:
+    return [
+        RackPointRow(
+            poi_id=point.poi_id,
+            levels=[
+                RackLevelRow(timestamp_ns=facts.unix_ns(level.stamp), level=level.level, state=level.state)
+                for level in point.levels
+            ],
+        )
+        for point in states.racks
+    ]
+
+
+def _tuple(pose: Pose2) -> planar.PlanarPose:
+    return pose.x, pose.y, pose.yaw
+
+
+def _rounded(point: tuple[float, float]) -> tuple[float, float]:
+    return round(point[0], 4), round(point[1], 4)
