@@ -91,9 +91,7 @@ def main(
     period_ns = SECOND // rate
     log.info("loading compiled code; the first start compiles it, which takes minutes")
     warm_up(model, period_ns)
-    access = AccessConfig(
-        keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf, retry_ns=int(retry * SECOND)
-    )
+    access = AccessConfig(keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf, retry_ns=int(retry * SECOND))
     audit = AuditWriter(audit_log, lambda error: log.error("the audit log cannot be written", error=str(error)))
     with (
         ThreadPoolExecutor(1, thread_name_prefix="plan") as planning,

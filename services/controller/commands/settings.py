@@ -102,9 +102,7 @@ def _start_control(
 
 
 SPECS = (
-    CommandSpec(
-        crf.SetProfileVelocity, OnArm(_set_profile_velocity), audited=True, check=_check_profile_velocity
-    ),
+    CommandSpec(crf.SetProfileVelocity, OnArm(_set_profile_velocity), audited=True, check=_check_profile_velocity),
     CommandSpec(
         crf.SetProfileAcceleration,
         OnArm(_set_profile_acceleration),
