@@ -221,12 +221,15 @@ class PriorityAccess(RuleBasedStateMachine):
         held, mover, stopped_by = self.live(), self.mover, self.access.stopped_by
         key = (client, priority)
         same = held is not None and (held.client, held.priority) == key
+        asked = self.asked.get(key)
         if not same:
             self.asked[key] = (self.now, self.config.keep_alive_ns, self.config.on_loss)
         before = self.access.token
         outcome = self.do(command)
         decision = outcome.decision
         if not decision.ok:
+            if asked is not None:
+                self.asked[key] = asked  # what it waits with since its lock was refused
             assert not outcome.motion and not outcome.events and self.access.token == before
             return
         assert held is None or same or priority < held.priority, f"{key} moved the arm while {held} lives"
