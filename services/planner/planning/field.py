@@ -73,9 +73,9 @@ def near_blocked(blocked: Mask, reach: float) -> Mask:
                 continue
             near[i, j] = True
             # The nearest blocked cell of a free one has a free cell beside it.
-            if 0 < i < rows - 1 and 0 < j < columns - 1:
-                if blocked[i - 1, j] and blocked[i + 1, j] and blocked[i, j - 1] and blocked[i, j + 1]:
-                    continue
+            inner = 0 < i < rows - 1 and 0 < j < columns - 1
+            if inner and blocked[i - 1, j] and blocked[i + 1, j] and blocked[i, j - 1] and blocked[i, j + 1]:
+                continue
             for di in range(-size, size + 1):
                 for dj in range(-size, size + 1):
                     a, b = i + di, j + dj

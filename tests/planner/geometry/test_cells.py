@@ -1,10 +1,11 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rackhand.services.planner.geometry.cells import FAR_CELL, Geometry
+from rackhand.services.planner.geometry.cells import FAR_CELL, Geometry, cells_in, cells_near
 
 GRID = Geometry(-3.0, 2.0, 0.05, 40, 60)
 
@@ -27,3 +28,14 @@ def test_points_at_the_ends_of_a_float_are_outside(far: float) -> None:
     for x, y in ((far, 0.0), (-far, 0.0), (0.0, far), (0.0, -far), (far, -far)):
         assert not grid.contains(x, y)
         assert all(abs(index) <= FAR_CELL for index in grid.cell(x, y))
+
+
+def test_cells_in_a_polygon_and_near_a_point_are_those_whose_centres_are() -> None:
+    g = Geometry(-1.0, 2.0, 0.1, 20, 30)
+    square = np.array([(-0.5, 2.5), (-0.1, 2.5), (-0.1, 2.9), (-0.5, 2.9)])
+    cells = cells_in(g, square)
+    centres = g.centres(cells)
+    assert len(cells) == 16 and (np.abs(centres - (-0.3, 2.7)) < 0.2).all()
+    assert [g.cell(*centre) for centre in centres] == [divmod(cell, g.columns) for cell in cells.tolist()]
+    assert len(cells_near(g, np.array([-0.3, 2.7]), 0.1)) == 4
+    assert len(cells_in(g, square - (0.7, 0.0))) == 8, "cells beyond the edge of the grid are left out"
