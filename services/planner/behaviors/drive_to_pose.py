@@ -37,13 +37,15 @@ from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Dr
 from rackhand.services.planner.behaviors.plan_keeper import PlanKeeper, ahead_of
 from rackhand.services.planner.control import driving
 from rackhand.services.planner.control.goal_checker import GoalChecker, is_still
+from rackhand.services.planner.control.mppi import CostField
 from rackhand.services.planner.control.progress_checker import Phase, ProgressWatch
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
 from rackhand.services.planner.planning.goals import Goal, check_goal, check_start
+from rackhand.services.planner.planning.plan import NOWHERE
 
-NO_FIELD = np.empty((0, 0), dtype=np.float32)
+NO_FIELD = CostField(np.empty((0, 0), dtype=np.float32), NOWHERE)
 
 
 def for_request(request: MoveCreate) -> Behavior:
@@ -192,7 +194,7 @@ class DriveToPose:
 
     def _give_way(self, ctx: Context) -> Twist2:
         route = self._keeper.route
-        cost = NO_FIELD if route is None else route.plan.cost
+        cost = NO_FIELD if route is None else CostField(route.plan.cost, route.plan.geometry)
         goal = self._checker.as_pose(ctx.pose)
         return ctx.avoidance.command(ctx.predicted, ctx.twist, ctx.commanded, ctx.costmap, cost, goal, ctx.footprint)
 

@@ -18,6 +18,7 @@ from rackhand.services.planner.planning.worker import PlanRequest
 SAME_OBSTACLE = 0.5  # m between what blocks the route and what moved lately, to take them for the same
 PUSHED = 0.1  # m off the route after a hold, from which on it is replanned
 WORTH_IMPROVING = 1.5  # m of route left, below which no better one is looked for
+PLAN_ON = 20.0  # m of planned route left, before a rough guide, from which on the next part is planned
 _REASONS = {
     "disconnected": MoveFailReason.CALCULATION_FAILED,
     "footprint": MoveFailReason.NO_GLOBAL_PATH,
@@ -132,7 +133,8 @@ class PlanKeeper:
         left = self.route.left(ctx.pose)
         must_go_round = self._must_go_round(ctx)
         lost = self.route.current.deviation > s.off_path_distance
-        if (must_go_round or lost) and since >= s.replan_period:
+        unplanned = self.route.planned(ctx.pose) < PLAN_ON and since >= s.improve_period
+        if unplanned or ((must_go_round or lost) and since >= s.replan_period):
             self.request(ctx)
         elif stuck and not must_go_round and since >= s.improve_period:
             self.request(ctx, tight=True)

@@ -40,6 +40,15 @@ class Route:
         """Metres of path left."""
         return self.current.left(pose) + sum(t.segment.length for t in self.trackers[self._at + 1 :])
 
+    def planned(self, pose: Pose) -> float:
+        """Metres of path left that are planned and not a rough guide; infinite where all of it is."""
+        if self.plan.open_from is None:
+            return np.inf
+        if self._at >= self.plan.open_from:
+            return 0.0
+        later = self.trackers[self._at + 1 : self.plan.open_from]
+        return self.current.left(pose) + sum(t.segment.length for t in later)
+
     def ahead(self) -> Array:
         """Rows x, y, yaw from here on."""
         first = self.current.segment.points[self.current.index :]

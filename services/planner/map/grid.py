@@ -136,26 +136,33 @@ def clip(geometry: Geometry, start: Points, end: Points) -> tuple[Points, Points
     g = geometry
     low = np.array([g.x - g.resolution, g.y - g.resolution])
     high = np.array([g.x + (g.columns + 1) * g.resolution, g.y + (g.rows + 1) * g.resolution])
-    enter, leave = 0.0, 1.0
+    enter, leave = (0.0, start), (1.0, end)
     for axis in range(2):
         way = 0.25 * end[axis] - 0.25 * start[axis]
         if way == 0.0:
             if not low[axis] <= start[axis] <= high[axis]:
                 return None
             continue
-        bounds = sorted((0.25 * bound[axis] - 0.25 * start[axis]) / way for bound in (low, high))
-        enter, leave = max(enter, bounds[0]), min(leave, bounds[1])
-    if enter > leave:
+        crossings = []
+        for bound in (low[axis], high[axis]):
+            share = float((0.25 * bound - 0.25 * start[axis]) / way)
+            point = start * (1.0 - share) + end * share if 0.0 < share < 1.0 else start
+            crossings.append((share, np.where(np.arange(2) == axis, bound, point)))
+        crossings.sort(key=lambda crossing: crossing[0])
+        enter, leave = (
+            max(enter, crossings[0], key=lambda crossing: crossing[0]),
+            min(leave, crossings[1], key=lambda crossing: crossing[0]),
+        )
+    if enter[0] > leave[0]:
         return None
-    ends = [start if t == 0.0 else end if t == 1.0 else start * (1.0 - t) + end * t for t in (enter, leave)]
-    return np.clip(ends[0], low, high), np.clip(ends[1], low, high)
+    return np.clip(enter[1], low, high), np.clip(leave[1], low, high)
 
 
 def _inside(geometry: Geometry, zone: Zone) -> tuple[tuple[slice, slice], Mask]:
     """The window of rows and columns about a zone, and which of its cells have their centre inside."""
     corners = np.vstack(zone.rings)
-    r0, c0 = geometry.cell(corners[:, 0].min(), corners[:, 1].min())
-    r1, c1 = geometry.cell(corners[:, 0].max(), corners[:, 1].max())
+    r0, c0 = geometry.cell(*corners.min(axis=0).tolist())
+    r1, c1 = geometry.cell(*corners.max(axis=0).tolist())
     rows = slice(min(max(r0, 0), geometry.rows), min(max(r1 + 1, 0), geometry.rows))
     columns = slice(min(max(c0, 0), geometry.columns), min(max(c1 + 1, 0), geometry.columns))
     x = geometry.x + (np.arange(columns.start, columns.stop) + 0.5) * geometry.resolution

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 import numpy as np
@@ -30,6 +30,10 @@ SMOOTHING_ROUNDS = 60
 SMOOTHING_CLEARANCE = 0.1  # m beyond the circumscribed radius from which on smoothing need not push away
 NEAREST_START = 0.3  # m from the start to look for a cell that has a path
 RELAXED_END = 0.005  # m by which less than the clearance at start or goal is asked for there
+
+
+NOWHERE = Geometry(0.0, 0.0, 1.0, 0, 0)
+SLACK = 6.0  # m of cost beyond that of the start, to which the field is known: for driving, which may leave the path
 
 
 class NoPathFound(Exception):
@@ -76,12 +80,17 @@ class Segment:
 class Plan:
     """Segments to the goal, and the cost to go of each cell (metres, weighted by inflation) they came from.
 
-    ``tight``: found by the search with the footprint, so it is to be followed closely.
+    ``geometry``: of the cells of ``cost``. ``start_cost``: the cost to go at the start. ``tight``: found by the search
+    with the footprint, so it is to be followed closely. ``open_from``: number of the segments that are planned; those
+    after are a rough guide, to be planned when the chassis comes near.
     """
 
     segments: tuple[Segment, ...]
     cost: Field
+    geometry: Geometry = NOWHERE
     tight: bool = False
+    start_cost: float = math.inf
+    open_from: int | None = None
 
     @property
     def length(self) -> float:
@@ -123,21 +132,37 @@ class GlobalPlanner:
         if not self._geometry.contains(target.x, target.y):
             raise NoPathFound("disconnected", f"the goal ({target.x:.2f}, {target.y:.2f}) is outside the map")
         budget = self._settings.max_expansions
-        cost, toward, expanded = cost_to_go(grid, row, column, self._inflation, budget)
+        here = self._index(start)
+        reach = self._nearest_start() / self._geometry.resolution
+        cost, toward, expanded = cost_to_go(grid, row, column, self._inflation, budget, here, reach, SLACK)
         if expanded >= budget:
             raise NoPathFound("budget", f"search ended after {expanded} cells, the most that max_expansions allows")
+        yield
         ends = self._ends(grid, start, target)
         direct = self._direct(grid, ends)
         if direct is not None:
-            return Plan((direct,), cost)
+            return Plan((direct,), cost, self._geometry, start_cost=direct.length)
         first = self._start_cell(cost, start)
         if first < 0:
             raise NoPathFound("disconnected", f"no path for the inscribed radius {self._footprint.inscribed:.2f} m")
+        start_cost = float(cost.reshape(-1)[first])
         if not tight:
             segments = self._of_inscribed_circle(grid, toward, first, ends, target.rotate_in_place)
             if self._fits(grid, segments, ends):
-                return Plan(segments, cost)
-        return (yield from self._of_footprint(grid, cost, ends))
+                return Plan(segments, cost, self._geometry, start_cost=start_cost)
+        everywhere = cost_to_go(grid, row, column, self._inflation, budget, -1, 0.0, 0.0)[0]
+        yield
+        plan = yield from self._of_footprint(grid, everywhere, ends)
+        return replace(plan, geometry=self._geometry, start_cost=start_cost)
+
+    def _nearest_start(self) -> float:
+        return max(NEAREST_START, self._geometry.resolution)
+
+    def _index(self, start: Pose) -> int:
+        """The flat index of the cell of the start, or of the nearest one on the map."""
+        g = self._geometry
+        row, column = g.cell(start[0], start[1])
+        return min(max(row, 0), g.rows - 1) * g.columns + min(max(column, 0), g.columns - 1)
 
     def _ends(self, grid: DistanceGrid, start: Pose, target: Target) -> Ends:
         """With less clearance asked for at start and goal if they have less."""
@@ -151,8 +176,8 @@ class GlobalPlanner:
         """The index of the cell nearest to the start from which a path exists; -1 for none nearby."""
         g = self._geometry
         row, column = g.cell(start[0], start[1])
-        reach = math.ceil(NEAREST_START / g.resolution)
-        best, best_distance = -1, NEAREST_START
+        reach = math.ceil(self._nearest_start() / g.resolution)
+        best, best_distance = -1, self._nearest_start()
         for i in range(max(row - reach, 0), min(row + reach + 1, g.rows)):
             for j in range(max(column - reach, 0), min(column + reach + 1, g.columns)):
                 x, y = g.centre(i, j)

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
-from rackhand.services.planner.map.grid import Mask, StaticMap
-from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Plan, Target
+from rackhand.services.planner.map.grid import StaticMap
+from rackhand.services.planner.planning.plan import NoPathFound, Plan, Target
+from rackhand.services.planner.planning.windows import LargePlanner
 from rackhand.services.planner.settings import NavigationSettings
 
 
@@ -44,13 +45,10 @@ class PlanningScene:
     footprint: Footprint
     settings: NavigationSettings
 
-    def blocked(self, static_only: bool) -> Mask:
-        """All cells that must be avoided."""
-        if static_only:
-            return self.static.blocked
-        mask = self.static.blocked.copy()
-        mask.reshape(-1)[self.observed] = True
-        return mask
+    def planner(self, static_only: bool) -> LargePlanner:
+        """On all cells that must be avoided, or those of the map alone."""
+        observed = self.observed[:0] if static_only else self.observed
+        return LargePlanner(self.static.geometry, self.static.blocked, observed, self.footprint, self.settings)
 
 
 @dataclass(frozen=True)
@@ -111,8 +109,7 @@ class PlanWorker:
 
 
 def _plan(request: PlanRequest, scene: PlanningScene, cancelled: Event) -> Plan:
-    planner = GlobalPlanner(scene.static.geometry, scene.footprint, scene.settings)
-    steps = planner.search(request.start, request.target, scene.blocked(request.static_only), request.tight)
+    steps = scene.planner(request.static_only).search(request.start, request.target, request.tight)
     while not cancelled.is_set():
         try:
             next(steps)

@@ -53,12 +53,13 @@ def refused(begin, goal: Goal, reason: Reason, **where: object) -> str:
     return failed.value.text
 
 
-def test_bad_map_leaves_none(begin) -> None:
+def test_a_bad_map_leaves_the_one_before(begin) -> None:
     robot, plant = begin()
+    before = robot.motion.perception.costmap
     with pytest.raises(MoveFailed) as failed:
         robot.motion.set_map(plant.hall.map().model_copy(update={"png": b"x"}))
     assert failed.value.reason is Reason.GET_MAP_FAILED
-    assert robot.motion.perception.costmap is None
+    assert robot.motion.perception.costmap is before is not None
 
 
 def test_start_out_of_map(begin) -> None:
