@@ -377,6 +377,7 @@ class Chassis:
         self._reports.path(self._stamp, self._status)
         self._reports.footprint(self._stamp, self._motion.footprint, 0.0)
         self._reports.load(self._stamp, self._motion.load)
+        self._reports.detected_rack(self._status.detected_rack)
         alerts = active_alerts(
             self._state,
             moving=self._book.current is not None,

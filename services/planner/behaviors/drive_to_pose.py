@@ -28,8 +28,6 @@ Why such a move fails, and when:
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from rackhand.schemas.base import Pose2, Twist2
@@ -42,7 +40,7 @@ from rackhand.services.planner.control.goal_checker import GoalChecker, is_still
 from rackhand.services.planner.control.progress_checker import Phase, ProgressWatch
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.errors import MoveFailed
-from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose, wrap
+from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose, advanced, wrap
 from rackhand.services.planner.planning.goals import Goal, check_goal, check_start
 
 NO_FIELD = np.empty((0, 0), dtype=np.float32)
@@ -230,7 +228,4 @@ class DriveToPose:
 
 def _predicted(ctx: Context) -> Pose:
     """The pose at which a command given now takes effect."""
-    t, twist, pose = ctx.settings.actuation.latency, ctx.twist, ctx.pose
-    yaw = pose[2] + 0.5 * twist.angular * t
-    step = twist.linear * t
-    return np.array([pose[0] + step * math.cos(yaw), pose[1] + step * math.sin(yaw), pose[2] + twist.angular * t])
+    return advanced(ctx.pose, ctx.twist, ctx.settings.actuation.latency)
