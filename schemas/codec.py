@@ -91,7 +91,10 @@ def _codec_for(model: Any) -> Codec[Any]:
 def explain(error: ValidationError, limit: int = 3) -> str:
     """A pydantic error in one line: ``field.path: what was wrong; …``."""
     found = error.errors(include_url=False, include_context=False, include_input=False)
-    lines = [f"{'.'.join(str(part) for part in e['loc']) or 'message'}: {e['msg']}" for e in found[:limit]]
+    lines = [
+        f"{'.'.join(str(part) for part in e['loc']) or 'message'}: {e['msg'].removeprefix('Value error, ')}"
+        for e in found[:limit]
+    ]
     return "; ".join(lines) + (f" (and {len(found) - limit} more)" if len(found) > limit else "")
 
 

@@ -105,12 +105,21 @@ class CancelMove(Message):
     id: int | None = None
 
 
+class PauseMove(Message):
+    """Hold the running move still until it is resumed, or let it go on; with an id, only if it is that one. Asking for
+    what is so already changes nothing."""
+
+    op: Literal["pause"] = "pause"
+    id: int | None = None
+    paused: bool
+
+
 class MoveRequest(Message):
-    request: Annotated[CreateMove | GetMove | ListMoves | CancelMove, Field(discriminator="op")]
+    request: Annotated[CreateMove | GetMove | ListMoves | CancelMove | PauseMove, Field(discriminator="op")]
 
 
 class MoveReply(Message):
-    """``moves`` holds the one move created, got or cancelled, or the page of a list."""
+    """``moves`` holds the one move created, got, cancelled, paused or resumed, or the page of a list."""
 
     moves: tuple[Move, ...] = Field(strict=False)
 
@@ -152,9 +161,20 @@ class PlannedPath(Message):
 
 
 class MoveEvent(Message):
-    """Something that happened to a move: created, replaced, replanned, blocked, succeeded, failed, cancelled."""
+    """Something that happened to a move."""
 
     stamp: Stamp
     move_id: int
-    event: Literal["created", "replaced", "replanned", "blocked", "unblocked", "succeeded", "failed", "cancelled"]
+    event: Literal[
+        "created",
+        "replaced",
+        "replanned",
+        "blocked",
+        "unblocked",
+        "paused",
+        "resumed",
+        "succeeded",
+        "failed",
+        "cancelled",
+    ]
     text: str = ""

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from rackhand.schemas.base import Array, Message, Pose2, Quaternion, Stamp, Vec3
+from rackhand.schemas.faults import FaultName
 
 
 class Clock(Message):
@@ -85,8 +86,49 @@ class Place(Message):
 
 
 class Remove(Message):
+    """Take an obstacle out of the world, or a rack or item, which ``Restore`` and ``MoveObject`` bring back.
+
+    Items on a rack stay with it.
+    """
+
     op: Literal["remove"] = "remove"
     name: str
+
+
+class Restore(Message):
+    """Bring a removed rack or item back to where it was."""
+
+    op: Literal["restore"] = "restore"
+    name: str
+
+
+class MoveObject(Message):
+    """Set a rack or an item down elsewhere, at rest. Items on a rack move with it.
+
+    A rack is put on the floor. An item is put on top of the box ``lies_on``, or on a board of the rack of that name:
+    ``level`` counts from 0, the lowest; None is the top. Without ``lies_on`` it is put on the floor.
+    """
+
+    op: Literal["move_object"] = "move_object"
+    name: str
+    pose: Pose2
+    lies_on: str | None = None
+    level: Annotated[int, Field(ge=0)] | None = None
+
+
+class Push(Message):
+    """Push a rack or an item: shift it at once, or hit it.
+
+    ``shift``: x, y (m) and yaw (rad) of its new pose in the frame of its present one. Its height stays, so that a
+    carried rack slides on the jack; items on a rack move with it. ``impulse``: x, y in the map frame (N·s), at its
+    centre of mass, or ``height`` metres above the floor.
+    """
+
+    op: Literal["push"] = "push"
+    name: str
+    shift: Pose2 | None = None
+    impulse: Annotated[tuple[float, float], Field(strict=False)] | None = None
+    height: Annotated[float, Field(ge=0, le=5)] | None = None
 
 
 class MoveRobot(Message):
@@ -98,15 +140,16 @@ class MoveRobot(Message):
 
 
 class InjectFault(Message):
-    """Cause a fault, or (``active=False``) clear it.
+    """Cause a fault of ``rackhand.schemas.faults``, or (``active=False``) clear it.
 
-    ``lidar_dead``: no scans. ``lidar_blind``: scans without a return. ``wheels_blocked``: the drive turns no wheel.
-    ``power_cable``, ``emergency_stop_button``: the switch closes. ``pose_lost``: no localised pose.
+    ``target``: name of the chassis or rack that has it. ``part``: which of its parts, as one of the legs of a rack;
+    None for all of them.
     """
 
     op: Literal["fault"] = "fault"
-    robot: str
-    fault: Literal["lidar_dead", "lidar_blind", "wheels_blocked", "power_cable", "emergency_stop_button", "pose_lost"]
+    target: str
+    fault: FaultName
+    part: Annotated[int, Field(ge=0)] | None = None
     active: bool = True
 
 
@@ -116,9 +159,13 @@ class Inspect(Message):
     op: Literal["inspect"] = "inspect"
 
 
+Change = Place | Remove | Restore | MoveRobot | MoveObject | Push | InjectFault
+"""The requests that change what is in the world: refused, or done whole."""
+
+
 class WorldRequest(Message):
     request: Annotated[
-        Join | Leave | Pause | Advance | SetSpeed | Reset | Place | Remove | MoveRobot | InjectFault | Inspect,
+        Join | Leave | Pause | Advance | SetSpeed | Reset | Change | Inspect,
         Field(discriminator="op"),
     ]
 

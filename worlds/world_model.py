@@ -74,13 +74,24 @@ StaticThing = Annotated[Wall | Box | Cylinder, Field(discriminator="kind")]
 
 
 class RackKind(Data):
-    """A rack with four legs at the corners of ``size`` (l×w over the legs) and a board over them at ``underside``."""
+    """A rack with four legs at the corners of ``size`` (l×w over the legs), and boards from ``underside`` up to
+    ``height`` in equal distances.
+    """
 
     size: tuple[Positive, Positive]
     underside: Positive
     height: Positive
     mass: Positive
     leg: Positive = 0.03
+    board: Positive = 0.03  # thickness
+    boards: Annotated[int, Field(ge=2, le=12)] = 3
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """Heights of the upper sides of its boards, from the lowest to the top."""
+        lowest = self.underside + self.board
+        step = (self.height - lowest) / (self.boards - 1)
+        return tuple(lowest + step * i for i in range(self.boards))
 
 
 class Rack(Data):
@@ -89,13 +100,15 @@ class Rack(Data):
 
 
 class Item(Data):
-    """A box l×w×h (m, kg) that can be lifted and carried; ``pose`` is that of its middle. It lies on top of the box or
-    rack named ``lies_on``; where none is, its underside is ``z`` above the floor.
+    """A box l×w×h (m, kg) that can be lifted and carried; ``pose`` is that of its middle. It lies on top of the box
+    named ``lies_on``, or on a board of the rack of that name: ``level`` counts from 0, the lowest, and None is the top.
+    Without ``lies_on``, its underside is ``z`` above the floor.
     """
 
     size: Size3
     pose: PoseTuple
     lies_on: str | None = None
+    level: Annotated[int, Field(ge=0)] | None = None
     z: NonNegative = 0.0
     mass: Positive = 0.5
     colour: tuple[float, float, float] = (0.72, 0.55, 0.36)
@@ -104,16 +117,24 @@ class Item(Data):
     def _height_once(self) -> Item:
         if self.lies_on is not None and self.z > 0:
             raise ValueError(f"lies_on {self.lies_on!r} and z {self.z:g}: want one of the two")
+        if self.level is not None and self.lies_on is None:
+            raise ValueError(f"level {self.level} without lies_on: want the rack whose board it is")
         return self
 
 
 @dataclass(frozen=True)
-class Top:
-    """The upper side of something: a rectangle l×w whose middle is at ``pose``, at this height."""
+class Surfaces:
+    """What items can lie on: rectangles l×w, one above another, whose middles are at ``pose``, at these heights."""
 
     pose: PoseTuple
     size: tuple[float, float]
-    height: float
+    heights: tuple[float, ...]
+
+    def height(self, level: int | None) -> float:
+        """Of the level, or of the top. Raises ``ValueError`` for one that is not there."""
+        if level is not None and level >= len(self.heights):
+            raise ValueError(f"level {level} is not there; it has 0 … {len(self.heights) - 1}")
+        return self.heights[-1 if level is None else level]
 
     def is_under(self, x: float, y: float) -> bool:
         dx, dy, yaw = x - self.pose[0], y - self.pose[1], self.pose[2]
@@ -248,30 +269,33 @@ class World(Data):
 
     def underside(self, item: Item) -> float:
         """How high above the floor an item lies."""
-        return item.z if item.lies_on is None else self._tops()[item.lies_on].height
+        return item.z if item.lies_on is None else self.surfaces()[item.lies_on].height(item.level)
 
-    def _tops(self) -> dict[str, Top]:
+    def surfaces(self) -> dict[str, Surfaces]:
         """All that items can lie on."""
         boxes = {name: thing for name, thing in self.statics.items() if isinstance(thing, Box)}
-        tops = {name: Top(box.pose, box.size[:2], box.z + box.size[2]) for name, box in boxes.items()}
+        surfaces = {name: Surfaces(box.pose, box.size[:2], (box.z + box.size[2],)) for name, box in boxes.items()}
         for name, rack in self.racks.items():
             kind = self.rack_kinds[rack.kind]
-            tops[name] = Top(rack.pose, kind.size, kind.height)
-        return tops
+            surfaces[name] = Surfaces(rack.pose, kind.size, kind.levels)
+        return surfaces
 
     def _check_items(self) -> None:
-        tops = self._tops()
+        surfaces = self.surfaces()
         for name, item in self.items.items():
             if item.lies_on is None:
                 continue
-            if item.lies_on not in tops:
+            if item.lies_on not in surfaces:
                 raise ValueError(
-                    f"items.{name}.lies_on: {item.lies_on!r} is neither a box nor a rack; known: {sorted(tops)}"
+                    f"items.{name}.lies_on: {item.lies_on!r} is neither a box nor a rack; known: {sorted(surfaces)}"
                 )
-            if not tops[item.lies_on].is_under(*item.pose[:2]):
-                raise ValueError(
-                    f"items.{name}.pose: its centre is not above {item.lies_on}, which is at {tops[item.lies_on].pose}"
-                )
+            on = surfaces[item.lies_on]
+            try:
+                on.height(item.level)
+            except ValueError as error:
+                raise ValueError(f"items.{name}.lies_on: {item.lies_on!r}: {error}") from None
+            if not on.is_under(*item.pose[:2]):
+                raise ValueError(f"items.{name}.pose: its centre is not above {item.lies_on}, which is at {on.pose}")
 
     def _check_names(self) -> None:
         owner: dict[str, str] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from datetime import datetime
@@ -229,12 +230,20 @@ def topics(
 
 @app.command(
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
-    epilog=_examples("rackhand world list", "rackhand world map warehouse"),
-)
+    epilog=_examples(
+        "rackhand world list", "rackhand world map warehouse", "rackhand world move rack_s1 --at 5.8 12.2 1.5708",
+        "rackhand world fault leg_hidden rack_s1 --part 2", "rackhand world push rack_s1 --shift 0.05 0 0",
+    ),
+)  # fmt: skip
 def world(context: typer.Context) -> None:
-    """List worlds, draw the map of a world, create a world from data. `rackhand world --help` shows the commands."""
+    """List worlds, draw the map of a world, create a world from data; change the world that runs.
+
+    `rackhand world --help` shows the commands.
+    """
     command = [sys.executable, "-m", "rackhand.services.sim.world.commands", *context.args]
-    raise typer.Exit(subprocess.run(command, check=False).returncode)
+    bus = _known(DEFAULTS.state_dir, "bus")
+    found = {"RACKHAND_BUS_CONNECT": bus} if bus is not None else {}
+    raise typer.Exit(subprocess.run(command, check=False, env=found | os.environ).returncode)
 
 
 def _known(state_dir: Path, fact: str) -> str | None:

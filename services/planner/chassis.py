@@ -30,6 +30,7 @@ from rackhand.schemas.moves import (
     MoveCreate,
     MoveReply,
     MoveRequest,
+    PauseMove,
 )
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Clock
@@ -218,8 +219,7 @@ class Chassis:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, self._maps.trouble)
         if self._maps.current is None:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, "no map is in use; select one first")
-        stop = "the emergency stop is on" if self._modes.emergency_stop else self._motion.settings.control.standstill()
-        if stop is not None:
+        if (stop := self._stop(move)) is not None:
             move.hold(stop)
         elif (direction := self._jacking()) is not None:
             move.hold_for_jack(direction)
@@ -229,6 +229,12 @@ class Chassis:
             move.check_jack(self._jack.failed)
             return False
         return True
+
+    def _stop(self, move: RunningMove) -> str | None:
+        """Who holds the move until he lets it go on."""
+        if self._modes.emergency_stop:
+            return "the emergency stop is on"
+        return "the move is paused on request" if move.paused else self._motion.settings.control.standstill()
 
     def _trouble(self) -> str | None:
         if self._state.model is None:
@@ -249,18 +255,10 @@ class Chassis:
         return odometry is not None and max(abs(odometry.twist.linear), abs(odometry.twist.angular)) < AT_REST
 
     def _note(self, status: Status) -> None:
-        """Keep the move's status for reports, with an event for each change that operators look for."""
-        move = self._book.current
-        before, self._status = self._status, status
-        self._distance = status.remaining_distance
-        if move is None:
-            return
-        if status.plans > max(before.plans, 1):
-            self._reports.event(self._stamp, move.id, "replanned", f"{status.remaining_distance:.2f} m left")
-        was_stuck = before.stuck_state != "none"
-        if was_stuck != (status.stuck_state != "none"):
-            text = "" if was_stuck else status.stuck_state
-            self._reports.event(self._stamp, move.id, "unblocked" if was_stuck else "blocked", text)
+        """Keep the move's status for reports."""
+        if self._book.current is not None:
+            self._reports.changes(self._stamp, self._book.current.id, self._status, status)
+        self._status, self._distance = status, status.remaining_distance
 
     # -- requests ----------------------------------------------------------------------------------------------------
 
@@ -274,9 +272,13 @@ class Chassis:
             case ListMoves(offset=offset, limit=limit):
                 return MoveReply(moves=self._book.page(offset, limit))
             case CancelMove(id=move_id):
-                move = self._book.cancellable(move_id)
+                move = self._book.active(move_id)
                 self._end("cancelled", text="cancelled on request")
                 return MoveReply(moves=(self._book.get(move.id),))
+            case PauseMove(id=move_id, paused=paused):
+                move = self._book.active(move_id)
+                self._pause(move.id, paused)
+                return MoveReply(moves=(move,))
 
     def _create(self, wanted: MoveCreate) -> None:
         if self._driver_fault:
@@ -291,6 +293,13 @@ class Chassis:
             self._reports.event(self._stamp, replaced.id, "replaced", f"replaced by move {move.id}")
         self._reports.event(self._stamp, move.id, "created", move.type)
         self._report()
+
+    def _pause(self, move_id: int, paused: bool) -> None:
+        running = self._motion.move
+        if running is not None and running.paused != paused:
+            running.paused = paused
+            self._reports.event(self._stamp, move_id, "paused" if paused else "resumed")
+            self._report()
 
     def maps(self, request: MapRequest) -> MapReply:
         before, changes = self._maps.current, self._maps.changes
@@ -368,12 +377,8 @@ class Chassis:
             self._report()
 
     def _report(self) -> None:
-        running, current = self._motion.move, self._maps.current
-        held_by = "" if running is None else running.held_by or ""
-        map_uid = "" if current is None else current.uid
-        self._reports.planning(
-            planning_state(self._stamp, map_uid, self._book.last, self._status, self._distance, held_by)
-        )
+        move, running, status = self._book.last, self._motion.move, self._status
+        self._reports.planning(planning_state(self._stamp, self._maps.current, move, running, status, self._distance))
         self._reports.path(self._stamp, self._status)
         self._reports.footprint(self._stamp, self._motion.footprint, 0.0)
         self._reports.load(self._stamp, self._motion.load)

@@ -15,6 +15,7 @@ from rackhand.schemas.moves import INTENT_MOVE_TYPES, Move, MoveEvent, PlannedPa
 from rackhand.schemas.racks import DetectedRack
 from rackhand.schemas.topics import Topic
 from rackhand.services.planner.behaviors.base import Status
+from rackhand.services.planner.behaviors.running import RunningMove
 from rackhand.services.planner.geometry.footprint import Footprint, expanded
 from rackhand.services.planner.load import Load
 from rackhand.services.planner.moves.book import target_of
@@ -52,6 +53,14 @@ class Reports:
 
     def event(self, stamp: int, move_id: int, event: Any, text: str = "") -> None:
         self._put(topics.MOVE_EVENT, MoveEvent(stamp=stamp, move_id=move_id, event=event, text=text))
+
+    def changes(self, stamp: int, move_id: int, before: Status, now: Status) -> None:
+        """An event for each change of a move's status that operators look for."""
+        if now.plans > max(before.plans, 1):
+            self.event(stamp, move_id, "replanned", f"{now.remaining_distance:.2f} m left")
+        was_stuck = before.stuck_state != "none"
+        if was_stuck != (now.stuck_state != "none"):
+            self.event(stamp, move_id, "unblocked" if was_stuck else "blocked", "" if was_stuck else now.stuck_state)
 
     def map(self, stamp: int, data: MapData | None) -> None:
         self._put(topics.MAP, CurrentMap(stamp=stamp, map=data))
@@ -117,9 +126,15 @@ class Reports:
 
 
 def planning_state(
-    stamp: int, map_uid: str, move: Move | None, status: Status, remaining_distance: float, held_by: str
+    stamp: int,
+    current: MapData | None,
+    move: Move | None,
+    running: RunningMove | None,
+    status: Status,
+    remaining_distance: float,
 ) -> PlanningState:
-    """Of the running or last move. ``held_by``: why it waits, empty if it does not."""
+    """Of the running or last move, which is ``running`` if it has not ended."""
+    map_uid = "" if current is None else current.uid
     if move is None:
         return PlanningState(stamp=stamp, map_uid=map_uid)
     # A behaviour that has not said where it drives drives where it was asked to.
@@ -131,7 +146,8 @@ def planning_state(
         action_type=move.type,
         move_state=move.state,
         fail_reason=move.fail_reason,
-        message=held_by or move.fail_message,
+        message=(running.held_by if running is not None else None) or move.fail_message,
+        paused=running is not None and running.paused,
         remaining_distance=remaining_distance,
         target=None if has_intent else status.target or requested,
         move_intent=status.intent,

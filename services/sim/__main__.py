@@ -21,6 +21,7 @@ from rackhand.services.sim.simulation import Simulation
 from rackhand.services.sim.world.commands import add_commands
 from rackhand.worlds.chassis_model import load_profiles
 from rackhand.worlds.data import WorldFileError
+from rackhand.worlds.scatter import scattered
 from rackhand.worlds.world_model import load_world
 
 _HELP = """
@@ -35,6 +36,8 @@ Examples:
   python -m rackhand.services.sim --world ./my_world --speed 0.5 --paused
 
   python -m rackhand.services.sim --world empty --profile jackal --noise 0
+
+  python -m rackhand.services.sim --world warehouse --seed 3 --rack-offset 0.05 --rack-turn 0.07
 
   python -m rackhand.services.sim map warehouse
 """
@@ -84,6 +87,8 @@ def main(
     noise: Annotated[float, typer.Option(min=0, help="factor of all sensor noise; 0 for exact sensors")] = 1.0,
     pose_noise: Annotated[float, typer.Option(min=0, help="1σ of the localised position in metres")] = 0.01,
     yaw_noise: Annotated[float, typer.Option(min=0, help="1σ of the localised heading in radians")] = 0.005,
+    rack_offset: Annotated[float, typer.Option(min=0, help="racks begin up to so many metres off, by the seed")] = 0.0,
+    rack_turn: Annotated[float, typer.Option(min=0, help="racks begin turned by up to so many radians")] = 0.0,
 ) -> None:
     if context.invoked_subcommand is not None:
         return
@@ -98,7 +103,9 @@ def main(
         if unknown := {service.robot for service in awaited} - robots:
             raise WorldFileError(f"--wait-for names {sorted(unknown)}; robots of {loaded.name}: {sorted(robots)}")
         session = Session(
-            build=lambda chosen: Simulation(loaded, profiles, chosen, settings),
+            build=lambda chosen: Simulation(
+                scattered(loaded, chosen, rack_offset, rack_turn), profiles, chosen, settings
+            ),
             new_run=lambda: Run(uuid.uuid4().hex[:12], time.time_ns()),
             seed=loaded.seed if seed is None else seed,
             pacer=Pacer(loaded.control_step_ns, pace, lockstep, paused, awaited),

@@ -16,11 +16,14 @@ from rackhand.schemas.world import (
     Inspect,
     Join,
     Leave,
+    MoveObject,
     MoveRobot,
     Pause,
     Place,
+    Push,
     Remove,
     Reset,
+    Restore,
     SetSpeed,
     WorldReply,
     WorldRequest,
@@ -143,17 +146,9 @@ class Session:
                 self.changes.clock = True
             case Reset(seed=seed):
                 self._reset(self.seed if seed is None else seed)
-            case Place() as place:
-                self.simulation.place(place)
-                self.changes.things = True
-            case Remove(name=name):
-                self.simulation.remove(name)
-                self.changes.things = True
-            case MoveRobot() as move:
-                self.simulation.move_robot(move)
-                self.changes.things = True
-            case InjectFault() as fault:
-                self.simulation.inject(fault)
+            case Place() | Remove() | Restore() | MoveRobot() | MoveObject() | Push() | InjectFault() as change:
+                self.simulation.change(change)
+                self.changes.things = not isinstance(change, InjectFault)
             case Inspect():
                 pass
         return self.reply()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -13,32 +12,31 @@ import mujoco
 import numpy as np
 
 from rackhand.schemas import topics
-from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import ChassisCommand, LocalisedPose, Odometry, Scan
 from rackhand.schemas.motion import ArmCommand, ArmModel
-from rackhand.schemas.refusal import RefusalCode, RequestRefused
+from rackhand.schemas.refusal import RequestRefused
 from rackhand.schemas.service import WORLD
 from rackhand.schemas.topics import Topic
-from rackhand.schemas.world import InjectFault, MoveRobot, ObjectPose, Objects, Place, Scene
+from rackhand.schemas.world import Change, ObjectPose, Objects, Scene
 from rackhand.services.sim import physics
-from rackhand.services.sim.actors.obstacles import PERSON_SIZE, Obstacles
+from rackhand.services.sim.actors.movables import Movables
+from rackhand.services.sim.actors.obstacles import Obstacles
 from rackhand.services.sim.actors.walkers import Walker, is_in_way, make_route
 from rackhand.services.sim.arm.arm import Arm
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.chassis.robot import Robot, hull_touches
-from rackhand.services.sim.errors import PhysicsError, unknown
-from rackhand.services.sim.mjcf.layers import ARM_BIT, ITEM_BIT, OBSTACLE_BIT, RACK_BIT, ROBOT_BIT, STATIC_BIT
+from rackhand.services.sim.chassis.robot import Robot
+from rackhand.services.sim.errors import PhysicsError
 from rackhand.services.sim.mjcf.scene import build_model
 from rackhand.services.sim.physics import Physics
 from rackhand.services.sim.world import scenery
 from rackhand.services.sim.world.contact_log import ContactLog
+from rackhand.services.sim.world.editor import Editor
 from rackhand.worlds.arm_model import load_arm_descriptions
 from rackhand.worlds.chassis_model import ChassisProfile
 from rackhand.worlds.data import PoseTuple, WorldFileError
 from rackhand.worlds.world_model import CONTROL_STEP_NS, Mover, Walk, World
 
 SETTLING_STEPS = 15
-FARTHEST = 1000.0
 NOISE = NoiseSettings()
 _FATAL_WARNINGS = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -93,6 +91,18 @@ class Simulation:
         hulls = {robot.hull: name for name, robot in self.robots.items()}
         hulls |= {int(geom): name for name, arm in self.arms.items() for geom in arm.geoms}
         self.contact_log = ContactLog(hulls, self.model.ngeom, self._owner)
+        self._movables = Movables(world, self.model, self.data)
+        self._editor = Editor(
+            world,
+            self.model,
+            self.data,
+            self.robots,
+            self.arms,
+            self.obstacles,
+            self._movables,
+            self._owner,
+            self._controls,
+        )
         self.stamp = 0
         self._hash = hashlib.blake2b(digest_size=16)
         try:
@@ -156,58 +166,9 @@ class Simulation:
         if robot in self.arms:
             self.arms[robot].silence()
 
-    def place(self, place: Place) -> None:
-        """Raises ``RequestRefused`` and changes nothing if it cannot be."""
-        self._check_name(place.name)
-        for pose in (place.pose, *place.walk):
-            check_pose(pose)
-        size, walker = place.size, None
-        if place.kind == "person" and len(size) == 3:  # the default size, which is a box's
-            size = PERSON_SIZE
-        if place.walk:
-            try:
-                route = make_route([(p.x, p.y) for p in (place.pose, *place.walk)], place.speed)
-            except ValueError as error:
-                raise RequestRefused(RefusalCode.INVALID, str(error)) from None
-            walker = Walker(route)
-        former = self.obstacles.placed.get(place.name)
-        placed = self.obstacles.place(place.name, place.kind, size, _tuple(place.pose), walker)
-        self._kinematics()
-        bodies = [robot.hull for robot in self.robots.values()] + [g for arm in self.arms.values() for g in arm.geoms]
-        touched = hull_touches(self.model, self.data, self.obstacles.geom_of(placed), np.array(bodies))
-        if touched is not None:
-            self.obstacles.remove(place.name)
-            if former is not None:
-                self.obstacles.place(place.name, former.kind, former.size, former.pose, former.walker)
-            self._kinematics()
-            raise RequestRefused(RefusalCode.INVALID, f"{place.name!r} would overlap {self._owner(touched)}")
-
-    def remove(self, name: str) -> None:
-        """Raises ``RequestRefused``."""
-        self.obstacles.remove(name)
-        self._kinematics()
-
-    def move_robot(self, move: MoveRobot) -> None:
-        """Raises ``RequestRefused`` and changes nothing if the robot would overlap something."""
-        robot = self._robot(move.robot)
-        check_pose(move.pose)
-        before = np.array(self.data.qpos)
-        robot.put(_tuple(move.pose))
-        self._kinematics()
-        touched = self._touched(robot)
-        if touched is not None:
-            self.data.qpos[:] = before
-            self._kinematics()
-            raise RequestRefused(RefusalCode.INVALID, f"{move.robot} would overlap {touched!r}")
-        robot.rest(self._controls)
-
-    def inject(self, fault: InjectFault) -> None:
-        """Raises ``RequestRefused``."""
-        faults = self._robot(fault.robot).faults
-        if fault.active:
-            faults.add(fault.fault)
-        else:
-            faults.discard(fault.fault)
+    def change(self, change: Change) -> None:
+        """Change what is in the world. Raises ``RequestRefused``, and has then changed nothing."""
+        self._editor.change(change)
 
     def arm_model(self, name: str) -> ArmModel:
         """Which arm it is, and where its base frame is."""
@@ -233,6 +194,7 @@ class Simulation:
             arm.begin(self.stamp)
         first = into // self.control_step_ns * self._steps
         self._run(self._controls[first : first + self._steps])
+        self._movables.end_hits()
         self.stamp += self.control_step_ns
         self._check_physics()
         self._finish_step()
@@ -360,6 +322,7 @@ class Simulation:
                     name=name, position=tuple(positions[body].tolist()), orientation=tuple(quaternions[body].tolist())
                 )
                 for name, body in bodies.items()
+                if name not in self._movables or not self._movables.is_away(name)
             ),
         )
 
@@ -373,8 +336,10 @@ class Simulation:
             self.obstacles.place(name, obstacle.kind, obstacle.size, obstacle.pose, None)
         self._kinematics()
         for name, robot in self.robots.items():
-            if (touched := self._touched(robot)) is not None:
-                raise RequestRefused(RefusalCode.INVALID, f"robots.{name}.pose: it would overlap {touched!r}")
+            try:
+                self._editor.check_robot(robot, robot.pose)
+            except RequestRefused as refused:
+                raise RequestRefused(refused.code, f"robots.{name}.pose: {refused.text}") from None
 
     def _move_walkers(self, dt: float) -> None:
         robots = [(r.pose, r.profile.body.size[0] / 2, r.profile.body.size[1] / 2) for r in self.robots.values()]
@@ -389,25 +354,6 @@ class Simulation:
     def _owner(self, geom: int) -> str:
         """The name of the thing a geom belongs to."""
         return self.obstacles.names_by_geom().get(geom) or self._geom_names[geom]
-
-    def _touched(self, robot: Robot) -> str | None:
-        """The name of something that the robot's body meets where it is, if there is any."""
-        bodies = STATIC_BIT | RACK_BIT | ROBOT_BIT | OBSTACLE_BIT | ARM_BIT | ITEM_BIT
-        others = np.flatnonzero(self.model.geom_contype & bodies)
-        geom = hull_touches(self.model, self.data, robot.hull, others[others != robot.hull])
-        return None if geom is None else self._owner(geom)
-
-    def _check_name(self, name: str) -> None:
-        if not re.fullmatch(r"[\w.-]{1,60}", name):
-            raise RequestRefused(RefusalCode.INVALID, f"name {name!r}: want 1 … 60 letters, digits, '_', '-' or '.'")
-        world = self.world
-        if name in {*self.robots, *self.arms, *world.racks, *world.items, *world.statics, *world.chargers}:
-            raise RequestRefused(RefusalCode.INVALID, f"{name!r} is already used in this world")
-
-    def _robot(self, name: str) -> Robot:
-        if name not in self.robots:
-            raise unknown("robot", name, self.robots)
-        return self.robots[name]
 
 
 def _is_due(topic: Topic[Any], stamp: int) -> bool:
@@ -436,13 +382,3 @@ def _start_of(mover: Mover) -> tuple[PoseTuple, Walker | None]:
         walker = Walker(make_route(mover.motion.points, mover.motion.speed, mover.motion.wait))
         return walker.pose, walker
     return mover.motion.pose, None
-
-
-def check_pose(pose: Pose2) -> None:
-    """Raises ``RequestRefused`` for a place so far off that lengths lose their meaning."""
-    if max(abs(pose.x), abs(pose.y)) > FARTHEST or abs(pose.yaw) > FARTHEST:
-        raise RequestRefused(RefusalCode.INVALID, f"pose {_tuple(pose)}: want x, y and yaw within ±{FARTHEST:g}")
-
-
-def _tuple(pose: Pose2) -> PoseTuple:
-    return pose.x, pose.y, pose.yaw

@@ -21,7 +21,7 @@ from rackhand.schemas.maps import (
     SelectMap,
     UseMapData,
 )
-from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveReply, MoveRequest
+from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveReply, MoveRequest, PauseMove
 from rackhand.schemas.parameters import ParameterChanges, ParametersReply, ParametersRequest, SetParameters
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.parameters import check, defaults, in_force, merged
@@ -41,6 +41,7 @@ class FakeBus:
         self.failure: BusError | None = None
         self.requests: list[Any] = []
         self.moves: dict[int, Move] = {}
+        self.pauses: list[PauseMove] = []
         self.maps: dict[int, MapData] = {}
         self.current_map: MapData | None = None
         self.control_mode = "auto"
@@ -95,15 +96,17 @@ class FakeBus:
             case ListMoves(offset=offset, limit=limit):
                 newest_first = list(reversed(self.moves.values()))
                 return newest_first[offset : None if limit is None else offset + limit]
-            case GetMove(id=move_id) | CancelMove(id=move_id):
+            case GetMove(id=move_id) | CancelMove(id=move_id) | PauseMove(id=move_id):
                 move_or_none = running if move_id is None else self.moves.get(move_id)
                 if move_or_none is None:
                     raise Refused(
                         RefusalCode.NOT_FOUND, "no move is active" if move_id is None else f"there is no move {move_id}"
                     )
+                if not isinstance(request, GetMove) and move_or_none.state != "moving":
+                    raise Refused(RefusalCode.PRECONDITION, f"move {move_or_none.id} is {move_or_none.state}")
+                if isinstance(request, PauseMove):
+                    self.pauses.append(request)
                 if isinstance(request, CancelMove):
-                    if move_or_none.state != "moving":
-                        raise Refused(RefusalCode.PRECONDITION, f"move {move_or_none.id} is {move_or_none.state}")
                     self.end(move_or_none.id, state="cancelled")
                 return [self.moves[move_or_none.id]]
         raise AssertionError(request)

@@ -50,7 +50,7 @@ def box(driver: JoinedChassis, name: str, x: float, y: float, length: float, wid
 
 
 def fault(driver: JoinedChassis, name: str) -> None:
-    driver.world.ask(InjectFault(robot=ROBOT, fault=name))  # type: ignore[arg-type]
+    driver.world.ask(InjectFault(target=ROBOT, fault=name))  # type: ignore[arg-type]
 
 
 def no_map(driver: JoinedChassis) -> int:

@@ -26,7 +26,16 @@ from rackhand.schemas.chassis import (
     Scan,
 )
 from rackhand.schemas.maps import CreateMap, MapData, MapReply, MapRequest
-from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, Move, MoveCreate, MoveRequest, PlanningState
+from rackhand.schemas.moves import (
+    CancelMove,
+    CreateMove,
+    GetMove,
+    Move,
+    MoveCreate,
+    MoveRequest,
+    PauseMove,
+    PlanningState,
+)
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.behaviors.base import Context, Drive, Status
@@ -209,6 +218,9 @@ class Cell:
 
     def cancel(self, move_id: int | None = None) -> Move:
         return self.chassis.moves(MoveRequest(request=CancelMove(id=move_id))).moves[0]
+
+    def pause(self, paused: bool = True, move_id: int | None = None) -> Move:
+        return self.chassis.moves(MoveRequest(request=PauseMove(id=move_id, paused=paused))).moves[0]
 
     def ask(self, request: Any) -> Done:
         return self.chassis.chassis(ChassisRequest(request=request))

@@ -20,6 +20,7 @@ from rackhand.schemas.chassis import (
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import TIME_LIMIT_NS
+from rackhand.services.planner.moves.records import RESTARTED
 from tests.planner.fakes import FORWARD, STEP, Cell
 
 
@@ -49,6 +50,95 @@ def test_an_emergency_stop_holds_the_move_until_it_is_released(cell: Cell, butto
     assert (len(cell.script.requests), cell.script.resumed) == (1, 1), "the same behaviour goes on"
     assert cell.planning().message == ""
     assert cell.events() == ["created"]
+
+
+def test_a_paused_move_is_still_until_it_is_resumed(cell: Cell) -> None:
+    move = cell.create()
+    cell.tick(3)
+    assert cell.pause().state == "moving", "the states of a move are those of the chassis API"
+    assert cell.planning().paused
+    assert 0 < cell.tick().twist.linear < FORWARD.linear
+    assert cell.tick(600 * 25).twist == STANDSTILL, "however long it takes"
+    state = cell.planning()
+    assert (state.move_state, state.paused, state.message) == ("moving", True, "the move is paused on request")
+    assert cell.pause().id == move.id, "asked for twice, it is so once"
+    cell.pause(paused=False)
+    assert not cell.planning().paused
+    assert cell.tick().twist == FORWARD
+    assert (len(cell.script.requests), cell.script.resumed) == (1, 1), "the same behaviour goes on"
+    assert cell.events() == ["created", "paused", "resumed"]
+
+
+def test_what_ends_a_paused_move(cell: Cell) -> None:
+    """Cancelled, replaced, or the mode left: the next move is not paused."""
+
+    def cancelled() -> None:
+        cell.cancel()
+
+    def remote_mode() -> None:
+        cell.ask(SetControlMode(control_mode="remote"))
+        cell.ask(SetControlMode(control_mode="auto"))
+
+    for end in (cancelled, remote_mode, lambda: None):
+        move = cell.create()
+        cell.tick(3)
+        cell.pause()
+        cell.tick(30)
+        end()
+        following = cell.create()
+        cell.tick(3)
+        assert cell.get(move.id).state == "cancelled"
+        assert (cell.get(following.id).state, cell.planning().paused) == ("moving", False)
+        assert cell.tick().twist.linear > 0.0
+
+
+def test_a_pause_ends_by_resuming_only(cell: Cell) -> None:
+    """An emergency stop in between takes precedence in the message, and its release does not resume."""
+    cell.create()
+    cell.tick(3)
+    cell.pause()
+    cell.ask(SetEmergencyStop(enable=True))
+    cell.tick(30)
+    assert cell.planning().message == "the emergency stop is on"
+    cell.ask(SetEmergencyStop(enable=False))
+    assert cell.tick(30).twist == STANDSTILL
+    cell.pause(paused=False)
+    assert cell.tick(5).twist.linear > 0.0
+
+
+def test_a_move_that_is_paused_before_its_first_tick_has_not_begun(cell: Cell) -> None:
+    cell.create()
+    cell.pause()
+    cell.tick(10)
+    assert cell.script.steps == 0
+    cell.pause(paused=False)
+    cell.tick()
+    assert (cell.script.steps, cell.script.resumed) == (1, 0)
+
+
+def test_a_restart_of_the_planner_ends_a_paused_move(make_cell: Callable[..., Cell]) -> None:
+    """Nothing moves by itself afterwards, and the next move runs."""
+    before = make_cell()
+    move = before.create()
+    before.tick(3)
+    before.pause()
+    before.tick(30)
+    before.database.close()
+    after = make_cell(path=before.path)
+    after.tick(10)
+    assert (after.get(move.id).state, after.get(move.id).fail_message) == ("failed", RESTARTED)
+    assert (after.tick(10).twist, after.planning().paused) == (STANDSTILL, False)
+    after.create()
+    assert after.tick(5).twist.linear > 0.0
+
+
+def test_pausing_what_does_not_run(cell: Cell) -> None:
+    with pytest.raises(RequestRefused, match="no move is active"):
+        cell.pause()
+    move = cell.create()
+    cell.cancel()
+    with pytest.raises(RequestRefused, match=f"move {move.id} is cancelled and cannot be changed"):
+        cell.pause(move_id=move.id)
 
 
 def test_either_stop_holds(cell: Cell) -> None:

@@ -8,6 +8,8 @@ from itertools import count
 from typing import Any
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
 from rackhand.bus import Bus, BusConfig, Inbox, Presence, Refused, Sample
 from rackhand.schemas import topics
@@ -20,6 +22,7 @@ from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.service import SimService
 from rackhand.services.sim.session import Run, Session
 from rackhand.services.sim.simulation import CONTROL_STEP_NS
+from rackhand.services.sim.world.change_commands import add_change_commands
 from rackhand.worlds.world_model import World
 from tests.bus.conftest import free_port
 from tests.sim.helpers import make_simulation, make_world
@@ -32,8 +35,8 @@ WORLD = make_world(statics={"wall": {"kind": "wall", "start": (9, -9), "end": (9
 class Peer:
     """A client of the simulator's, on the one bus they share."""
 
-    def __init__(self, bus: Bus) -> None:
-        self.bus = bus
+    def __init__(self, bus: Bus, endpoint: str) -> None:
+        self.bus, self.endpoint = bus, endpoint
         self.heard: Inbox = bus.inbox()
         self.heard.subscribe(topics.ODOMETRY, "amr1", depth=1024).watch_services()
         self.commands = bus.publisher(topics.COMMAND, "amr1")
@@ -78,7 +81,7 @@ def start() -> Iterator[Any]:
         thread = threading.Thread(target=serve, args=(sim_bus, session))
         peer_bus = Bus(ServiceId("probe", CELL), BusConfig(connect=endpoint))
         peer_bus.__enter__()
-        peer = Peer(peer_bus)
+        peer = Peer(peer_bus, endpoint)
         thread.start()
         running.append((sim_bus, peer_bus, thread))
         while (event := peer.heard.get(timeout=20)) != Presence(ServiceId("sim", "world"), True):
@@ -222,3 +225,32 @@ def test_an_arm_in_lockstep_over_the_bus_gives_the_same_bytes(start: Any) -> Non
         advance.join(10)
         digests.add(peer.ask(asked.Inspect()).digest)
     assert len(digests) == 1
+
+
+def test_the_command_line_changes_the_world_and_says_why_not(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    kinds = {"standard": {"size": (0.83, 0.83), "underside": 0.28, "height": 1.4, "mass": 90}}
+    racks = {"rack_1": {"kind": "standard", "pose": (3, 0, 0)}}
+    peer = start(make_world(rack_kinds=kinds, racks=racks), paused=True)
+    monkeypatch.setenv("RACKHAND_BUS_CONNECT", peer.endpoint)
+    objects = peer.bus.inbox().subscribe(topics.OBJECTS)
+    tool = typer.Typer()
+    add_change_commands(tool)
+
+    def run(command: str) -> tuple[int, str]:
+        result = CliRunner().invoke(tool, command.split())
+        return result.exit_code, result.output.strip().splitlines()[-1]  # above it is the log of the simulator
+
+    assert run("move rack_1 --at -3 2.5 0.5") == (0, "done at 0.00 s")
+    told = objects.get(timeout=20)
+    assert isinstance(told, Sample)
+    assert next(t for t in told.message.objects if t.name == "rack_1").position == (-3.0, 2.5, 0.0)
+    assert run("fault leg_hidden rack_1 --part 2") == (0, "done at 0.00 s")
+    assert run("push rack_1 --impulse 0 -20") == (0, "done at 0.00 s")
+    assert run("move rack_1 --at 0.3 0.4 0") == (
+        2,
+        "world: 'rack_1' would overlap 'amr1' at x 0.300, y 0.400, yaw 0.000",
+    )
+    assert run("fault gremlins rack_1")[1].startswith(
+        "world: request.fault.fault: fault 'gremlins' is not known; known: ["
+    )
+    assert run("inspect") == (0, "}")

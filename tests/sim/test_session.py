@@ -77,7 +77,7 @@ def test_join_and_leave() -> None:
         (asked.Advance(duration_ns=1), "precondition", "pause it"),
         (asked.Remove(name="nothing"), "not_found", "is not known"),
         (asked.MoveRobot(robot="x", pose=Pose2(x=0, y=0, yaw=0)), "not_found", "is not known"),
-        (asked.InjectFault(robot="x", fault="lidar_dead"), "not_found", "is not known"),
+        (asked.InjectFault(target="x", fault="lidar_dead"), "not_found", "is not known"),
     ],
 )
 def test_an_invalid_request_is_refused(request_: Any, code: str, told: str) -> None:
@@ -150,7 +150,7 @@ def test_reset_starts_a_new_run_with_the_seed_and_without_former_changes() -> No
     first = session.simulation.digest
     ask(session, join())
     ask(session, asked.Place(name="crate", pose=Pose2(x=3, y=0, yaw=0)))
-    ask(session, asked.InjectFault(robot="amr1", fault="lidar_dead"))
+    ask(session, asked.InjectFault(target="amr1", fault="lidar_dead"))
     session.step()
     reply = ask(session, asked.Reset())
     assert (reply.clock.stamp, reply.clock.run, reply.seed, reply.participants) == (0, "run2", 4, ())

@@ -109,14 +109,21 @@ def fail_reason(number: int) -> MoveFailReason:
         return MoveFailReason.UNKNOWN
 
 
-class CancelBody(Body):
-    """The one change of a move."""
-
-    state: Literal["cancelled"]
+MoveChange = Literal["cancelled", "paused", "moving"]
 
 
-class Cancelled(BaseModel):
-    state: Literal["cancelled"] = "cancelled"
+class MoveChangeBody(Body):
+    """What a running move is changed to. ``paused`` holds it still where it is until ``moving`` lets it go on; both are
+    additions to the API of a real robot, whose moves can be cancelled only."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"state": "cancelled"}]})
+    state: MoveChange
+
+
+class MoveChanged(BaseModel):
+    """What it was changed to."""
+
+    state: MoveChange = Field(examples=["cancelled"])
 
 
 class Empty(BaseModel):

@@ -1,4 +1,4 @@
-"""``/chassis/moves``: create, list, look at, cancel."""
+"""``/chassis/moves``: create, list, look at, cancel, pause, resume."""
 
 from __future__ import annotations
 
@@ -7,8 +7,16 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query
 
 from rackhand.schemas import topics
-from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveRequest
-from rackhand.services.gateway.chassis_api.models import MAX_ID, CancelBody, Cancelled, MoveBody, MoveFull, MoveShort
+from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveRequest, PauseMove
+from rackhand.services.gateway.chassis_api.models import (
+    MAX_ID,
+    MoveBody,
+    MoveChange,
+    MoveChangeBody,
+    MoveChanged,
+    MoveFull,
+    MoveShort,
+)
 from rackhand.services.gateway.context import Context, Gateway
 from rackhand.services.gateway.http.errors import failures, not_found
 
@@ -58,17 +66,21 @@ async def get_move(move_id: MoveId, gateway: Gateway) -> MoveFull:
 
 
 @router.patch("/current", responses=failures(400, 404, 413, 503))
-async def cancel_current_move(_body: CancelBody, gateway: Gateway) -> Cancelled:
-    """Cancel the running move; 404 when there is none."""
-    await _one(gateway, MoveRequest(request=CancelMove()))
-    return Cancelled()
+async def change_current_move(body: MoveChangeBody, gateway: Gateway) -> MoveChanged:
+    """Cancel, pause or resume the running move; 404 when there is none."""
+    return await _change(gateway, None, body.state)
 
 
 @router.patch("/{move_id}", responses=failures(400, 404, 413, 503))
-async def cancel_move(move_id: MoveId, _body: CancelBody, gateway: Gateway) -> Cancelled:
-    """Cancel this move if it is running; 400 when it has ended."""
-    await _one(gateway, MoveRequest(request=CancelMove(id=move_id)))
-    return Cancelled()
+async def change_move(move_id: MoveId, body: MoveChangeBody, gateway: Gateway) -> MoveChanged:
+    """Cancel, pause or resume this move if it is running; 400 when it has ended."""
+    return await _change(gateway, move_id, body.state)
+
+
+async def _change(gateway: Context, move_id: int | None, state: MoveChange) -> MoveChanged:
+    wanted = CancelMove(id=move_id) if state == "cancelled" else PauseMove(id=move_id, paused=state == "paused")
+    await _one(gateway, MoveRequest(request=wanted))
+    return MoveChanged(state=state)
 
 
 async def _one(gateway: Context, request: MoveRequest) -> Move:

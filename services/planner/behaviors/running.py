@@ -24,6 +24,7 @@ class RunningMove:
         self._waiting_since: int | None = None
         self._awaits_jack = False
         self.held_by: str | None = None
+        self.paused = False
 
     @property
     def is_new(self) -> bool:

@@ -106,11 +106,11 @@ class MoveBook:
     def page(self, offset: int, limit: int | None) -> tuple[Move, ...]:
         return self._records.page(offset, limit)
 
-    def cancellable(self, move_id: int | None) -> Move:
-        """The running move, if it is the one meant. Raises ``RequestRefused`` saying why it cannot be cancelled."""
+    def active(self, move_id: int | None) -> Move:
+        """The running move, if it is the one meant. Raises ``RequestRefused`` (not_found, precondition)."""
         move = self.get(move_id)
         if self.current is None or move.id != self.current.id:
-            raise RequestRefused(RefusalCode.PRECONDITION, f"move {move.id} is {move.state} and cannot be cancelled")
+            raise RequestRefused(RefusalCode.PRECONDITION, f"move {move.id} is {move.state} and cannot be changed")
         return move
 
 

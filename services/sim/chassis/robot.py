@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -234,11 +233,3 @@ class Robot:
     def _wheel_angles(self) -> tuple[float, float]:
         left, right = (float(self._data.qpos[address]) for address in self._wheel_qpos)
         return left, right
-
-
-def hull_touches(model: Any, data: Any, hull: int, geoms: NDArray[np.intp]) -> int | None:
-    """The first of ``geoms`` that the hull geom meets, by the frames in ``data``; None if it is free."""
-    for geom in geoms:
-        if mujoco.mj_geomDistance(model, data, hull, int(geom), 0.01, None) <= 0:
-            return int(geom)
-    return None

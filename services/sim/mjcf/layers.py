@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 FLOOR_BIT, STATIC_BIT, RACK_BIT, ROBOT_BIT, PLATE_BIT, OBSTACLE_BIT, ARM_BIT, ITEM_BIT = 1, 2, 4, 8, 16, 32, 64, 128
+# Of all that fills space, but for wheels and casters.
+SOLID_BITS = STATIC_BIT | RACK_BIT | ROBOT_BIT | PLATE_BIT | OBSTACLE_BIT | ARM_BIT | ITEM_BIT
 
 # Geom groups: what a lidar sees is one group, all else is not in it.
 FLOOR_GROUP, VISIBLE_GROUP, RUNNING_GEAR_GROUP, PARKED_GROUP = 0, 1, 2, 5

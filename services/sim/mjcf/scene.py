@@ -26,6 +26,8 @@ _SLOT_GEOMS = {
 }
 _SLOT_COLOURS = {"box": (0.7, 0.5, 0.3, 1), "cylinder": (0.8, 0.45, 0.2, 1), "person": (0.85, 0.35, 0.35, 1)}
 PARKED_Z = -50.0
+# Corners of a rack where its legs are: front left, front right, rear left, rear right.
+LEGS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 _GEOMS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
@@ -50,7 +52,7 @@ def build_model(
     for name, rack in world.racks.items():
         _add_rack(spec, name, rack, world.rack_kinds[rack.kind])
     for name, item in world.items.items():
-        _add_item(spec, name, item, world.underside(item))
+        _add_item(spec, name, item, world.underside(item), asleep=item.lies_on in world.racks)
     for robot, profile in profiles.items():
         add_chassis(spec, robot, profile, world.robots[robot].pose)
     for arm, arm_kind in kinds.items():
@@ -63,6 +65,11 @@ def build_model(
 
 def slot_name(kind: str, index: int) -> str:
     return f"slot/{kind}/{index}"
+
+
+def leg_name(rack: str, leg: int) -> str:
+    """Of the geom of a leg, in the order of ``LEGS``."""
+    return f"{rack}/leg{leg}"
 
 
 def _set_options(spec: Any, world: World) -> None:
@@ -105,24 +112,22 @@ def _add_rack(spec: Any, name: str, rack: Rack, kind: RackKind) -> None:
     body.add_freejoint()
     body.sleep = mujoco.mjtSleepPolicy.mjSLEEP_INIT  # it wakes by itself when something touches it
     length, width = kind.size
-    board = 0.03
-    boards = [kind.underside + board / 2, (kind.underside + kind.height) / 2, kind.height - board / 2]
-    legs_mass, boards_mass = 0.2 * kind.mass / 4, 0.8 * kind.mass / len(boards)
+    legs_mass, boards_mass = 0.2 * kind.mass / 4, 0.8 * kind.mass / kind.boards
     colour = [0.25, 0.45, 0.75, 1]
-    for i, z in enumerate(boards):
+    for i, level in enumerate(kind.levels):
         shelf = body.add_geom(
             name=f"{name}/board{i}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[length / 2, width / 2, board / 2],
-            pos=[0, 0, z],
+            size=[length / 2, width / 2, kind.board / 2],
+            pos=[0, 0, level - kind.board / 2],
             mass=boards_mass,
             rgba=colour,
         )
         _apply(shelf, layers.RACK)
     half = kind.leg / 2
-    for i, (sx, sy) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
+    for i, (sx, sy) in enumerate(LEGS):
         leg = body.add_geom(
-            name=f"{name}/leg{i}",
+            name=leg_name(name, i),
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=[half, half, kind.height / 2],
             pos=[sx * (length / 2 - half), sy * (width / 2 - half), kind.height / 2],
@@ -132,11 +137,13 @@ def _add_rack(spec: Any, name: str, rack: Rack, kind: RackKind) -> None:
         _apply(leg, layers.RACK)
 
 
-def _add_item(spec: Any, name: str, item: Item, underside: float) -> None:
+def _add_item(spec: Any, name: str, item: Item, underside: float, asleep: bool) -> None:
     x, y, yaw = item.pose
     length, width, height = item.size
     body = spec.worldbody.add_body(name=name, pos=[x, y, underside + height / 2], quat=yaw_quaternion(yaw))
     body.add_freejoint()
+    if asleep:  # or it would wake the rack that it lies on
+        body.sleep = mujoco.mjtSleepPolicy.mjSLEEP_INIT
     geom = body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX,

@@ -1,4 +1,4 @@
-"""``rackhand world …``: list worlds, draw the map of one, make one from benchmark data."""
+"""``rackhand world …``: list worlds, draw the map of one, make one from benchmark data, change the one that runs."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from rackhand.services.sim.world.barn import write_barn_world
+from rackhand.services.sim.world.change_commands import add_change_commands
 from rackhand.services.sim.world.maps import write_map
 from rackhand.worlds.data import WorldFileError
 from rackhand.worlds.world_model import known_worlds, load_world, world_directory
@@ -66,4 +67,5 @@ def add_commands(app: typer.Typer) -> None:
 if __name__ == "__main__":
     tool = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode="markdown")
     add_commands(tool)
+    add_change_commands(tool)
     tool(prog_name="rackhand world")

@@ -138,9 +138,24 @@ def test_cancelling_what_does_not_run(gateway: Gateway) -> None:
     assert gateway.http.patch("/chassis/moves/1", json=cancel).status_code == 200
     ended = gateway.http.patch("/chassis/moves/1", json=cancel)
     assert (ended.status_code, ended.json()) == (400, {"detail": "move 1 is cancelled"})
-    other = gateway.http.patch("/chassis/moves/1", json={"state": "moving"})
+    other = gateway.http.patch("/chassis/moves/1", json={"state": "succeeded"})
     assert other.status_code == 400
-    assert other.json() == ["state: Input should be 'cancelled', got 'moving'"]
+    assert other.json() == ["state: Input should be 'cancelled', 'paused' or 'moving', got 'succeeded'"]
+
+
+@pytest.mark.parametrize("which", ["current", "1"])
+def test_a_move_is_paused_and_resumed(gateway: Gateway, which: str) -> None:
+    url = f"/chassis/moves/{which}"
+    assert gateway.http.patch(url, json={"state": "paused"}).status_code == 404
+    post(gateway, **TARGET)
+    for state in ("paused", "paused", "moving"):
+        answer = gateway.http.patch(url, json={"state": state})
+        assert (answer.status_code, answer.json()) == (200, {"state": state})
+    asked = [request.paused for request in gateway.bus.pauses]
+    assert asked == [True, True, False]
+    assert gateway.http.get("/chassis/moves/1").json()["state"] == "moving"
+    gateway.http.patch(url, json={"state": "cancelled"})
+    assert gateway.http.patch("/chassis/moves/1", json={"state": "moving"}).status_code == 400
 
 
 def test_a_move_without_a_target_is_refused_in_the_real_robots_words(gateway: Gateway) -> None:

@@ -11,7 +11,7 @@ import pytest
 from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.refusal import RequestRefused
-from rackhand.schemas.world import MoveRobot, Place
+from rackhand.schemas.world import MoveRobot, Place, Remove
 from rackhand.services.sim.actors.walkers import Walker, is_in_way, make_route
 from rackhand.services.sim.mjcf.scene import SLOTS
 from tests.sim.helpers import coast, drive, make_simulation, make_world, newest
@@ -78,7 +78,7 @@ def test_a_person_stops_before_a_standing_robot_and_goes_on_when_it_is_gone() ->
     drive(simulation, 4.0)
     assert where(simulation, "anna")[0] == pytest.approx(-0.375 - 0.25 - 0.5, abs=0.03)
     assert simulation.contact_log.count == 0
-    simulation.move_robot(MoveRobot(robot="amr1", pose=Pose2(x=0.0, y=5.0, yaw=0.0)))
+    simulation.change(MoveRobot(robot="amr1", pose=Pose2(x=0.0, y=5.0, yaw=0.0)))
     drive(simulation, 2.0)
     assert where(simulation, "anna")[0] == pytest.approx(-1.125 + 2.0, abs=0.03)
 
@@ -86,7 +86,7 @@ def test_a_person_stops_before_a_standing_robot_and_goes_on_when_it_is_gone() ->
 def test_a_person_placed_at_run_time_walks_through_its_points() -> None:
     simulation = make_simulation()
     walk = (Pose2(x=4.0, y=3.0, yaw=0.0),)
-    simulation.place(place("ben", x=2.0, y=3.0, kind="person", walk=walk, speed=1.0))
+    simulation.change(place("ben", x=2.0, y=3.0, kind="person", walk=walk, speed=1.0))
     coast(simulation, 1.0)
     assert where(simulation, "ben") == pytest.approx((3.0, 3.0, 0.875), abs=1e-6)
 
@@ -96,24 +96,24 @@ def test_a_person_placed_at_run_time_walks_through_its_points() -> None:
 
 def test_place_move_and_remove() -> None:
     simulation = make_simulation()
-    simulation.place(place())
+    simulation.change(place())
     assert where(simulation, "crate") == pytest.approx((2.0, 0.0, 0.2))
-    simulation.place(place(y=3.0))
+    simulation.change(place(y=3.0))
     assert where(simulation, "crate") == pytest.approx((2.0, 3.0, 0.2))
     assert sum(thing.name == "crate" for thing in simulation.objects().objects) == 1
-    simulation.place(place(y=3.0, kind="cylinder", size=(0.3, 1.0)))
+    simulation.change(place(y=3.0, kind="cylinder", size=(0.3, 1.0)))
     geoms = [g for g in simulation.scene().geoms if g.body == "crate"]
     assert [(g.shape, g.size[:2]) for g in geoms] == [("cylinder", (0.3, 0.5))]
-    simulation.remove("crate")
+    simulation.change(Remove(name="crate"))
     assert not [g for g in simulation.scene().geoms if g.body == "crate"]
     with pytest.raises(RequestRefused, match="'crate' is not known; known: \\[\\]"):
-        simulation.remove("crate")
+        simulation.change(Remove(name="crate"))
 
 
 def test_a_removed_thing_is_neither_seen_nor_touched() -> None:
     simulation = make_simulation()
-    simulation.place(place(x=1.0))
-    simulation.remove("crate")
+    simulation.change(place(x=1.0))
+    simulation.change(Remove(name="crate"))
     coast(simulation, 0.08)
     assert np.isnan(newest(simulation, topics.SCAN).ranges).all()
     drive(simulation, 3.0, linear=1.0)
@@ -123,7 +123,7 @@ def test_a_removed_thing_is_neither_seen_nor_touched() -> None:
 @pytest.mark.parametrize(
     ("request_", "why"),
     [
-        (place(x=0.2), "'crate' would overlap amr1"),
+        (place(x=0.2), "'crate' would overlap 'amr1'"),
         (place("amr1"), "is already used"),
         (place("wall"), "is already used"),
         (place("a/b"), "want 1 … 60 letters"),
@@ -140,34 +140,34 @@ def test_what_cannot_be_placed_is_refused_and_changes_nothing(request_: Place, w
     simulation = make_simulation(make_world(statics={"wall": {"kind": "wall", "start": (9, -9), "end": (9, 9)}}))
     before = simulation.objects()
     with pytest.raises(RequestRefused, match=why):
-        simulation.place(request_)
+        simulation.change(request_)
     assert simulation.objects() == before
 
 
 def test_a_refused_move_leaves_the_thing_where_it_was() -> None:
     simulation = make_simulation()
-    simulation.place(place(size=(0.5, 0.6, 0.7)))
-    with pytest.raises(RequestRefused, match="would overlap amr1"):
-        simulation.place(place(x=0.1, size=(0.2, 0.2, 0.2)))
+    simulation.change(place(size=(0.5, 0.6, 0.7)))
+    with pytest.raises(RequestRefused, match="would overlap 'amr1'"):
+        simulation.change(place(x=0.1, size=(0.2, 0.2, 0.2)))
     assert where(simulation, "crate") == pytest.approx((2.0, 0.0, 0.35))
 
 
 def test_when_all_slots_are_taken_it_says_so() -> None:
     simulation = make_simulation()
     for i in range(SLOTS["person"]):
-        simulation.place(place(f"p{i}", x=3.0, y=float(i), kind="person"))
+        simulation.change(place(f"p{i}", x=3.0, y=float(i), kind="person"))
     with pytest.raises(RequestRefused, match="all 8 slots for obstacles of kind person are in use"):
-        simulation.place(place("one_more", x=5.0, kind="person"))
-    simulation.remove("p3")
-    simulation.place(place("one_more", x=5.0, kind="person"))
+        simulation.change(place("one_more", x=5.0, kind="person"))
+    simulation.change(Remove(name="p3"))
+    simulation.change(place("one_more", x=5.0, kind="person"))
 
 
 def test_a_robot_is_not_set_down_in_anything() -> None:
     simulation = make_simulation(make_world(statics={"wall": {"kind": "wall", "start": (3, -9), "end": (3, 9)}}))
-    with pytest.raises(RequestRefused, match="amr1 would overlap 'wall'"):
-        simulation.move_robot(MoveRobot(robot="amr1", pose=Pose2(x=2.6, y=0.0, yaw=0.0)))
+    with pytest.raises(RequestRefused, match="'amr1' would overlap 'wall'"):
+        simulation.change(MoveRobot(robot="amr1", pose=Pose2(x=2.6, y=0.0, yaw=0.0)))
     with pytest.raises(RequestRefused, match="robot 'amr9' is not known; known: \\['amr1'\\]"):
-        simulation.move_robot(MoveRobot(robot="amr9", pose=Pose2(x=0.0, y=0.0, yaw=0.0)))
+        simulation.change(MoveRobot(robot="amr9", pose=Pose2(x=0.0, y=0.0, yaw=0.0)))
     assert simulation.robots["amr1"].pose == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
@@ -196,7 +196,7 @@ def test_a_crash_is_one_contact_with_name_time_and_force_and_closes_the_bumper()
 
 def test_backing_into_a_crate_closes_the_rear_bumper() -> None:
     simulation = make_simulation()
-    simulation.place(place(x=-0.8))
+    simulation.change(place(x=-0.8))
     heard = drive(simulation, 1.5, linear=-0.5)
     assert [c.other for c in simulation.contact_log.rows] == ["crate"]
     assert any(m.bumper_rear for t, m in heard if t is topics.CONTACTS)
@@ -204,7 +204,7 @@ def test_backing_into_a_crate_closes_the_rear_bumper() -> None:
 
 def test_touching_again_after_parting_is_another_contact() -> None:
     simulation = make_simulation()
-    simulation.place(place(x=0.8))
+    simulation.change(place(x=0.8))
     for _ in range(2):
         drive(simulation, 1.5, linear=0.4)
         drive(simulation, 1.0, linear=-0.4)
@@ -224,14 +224,14 @@ def test_the_force_of_a_contact_is_the_greatest_it_had() -> None:
 @pytest.mark.parametrize("size", [(0.2, 8.0, 0.5), (0.2, 8.0, 8.0)])
 def test_a_long_thing_is_solid_to_its_ends(size: tuple[float, ...]) -> None:
     simulation = make_simulation()
-    simulation.place(place("beam", x=1.0, y=3.7, size=size))
+    simulation.change(place("beam", x=1.0, y=3.7, size=size))
     drive(simulation, 1.5, linear=0.8)
     assert [c.other for c in simulation.contact_log.rows] == ["beam"]
 
 
 def test_a_person_who_is_run_into_counts() -> None:
     simulation = make_simulation()
-    simulation.place(place("ben", x=1.0, kind="person"))
+    simulation.change(place("ben", x=1.0, kind="person"))
     drive(simulation, 1.5, linear=0.8)
     assert [c.other for c in simulation.contact_log.rows] == ["ben"]
 

@@ -390,10 +390,10 @@ def test_the_arm_meets_itself(ur5e: Simulation) -> None:
 
 
 def test_nothing_can_be_placed_into_it(ur5e: Simulation) -> None:
-    with pytest.raises(RequestRefused, match="'crate' would overlap arm1"):
-        ur5e.place(Place(name="crate", pose=Pose2(x=0, y=0, yaw=0), size=(0.3, 0.3, 2.0)))
+    with pytest.raises(RequestRefused, match="'crate' would overlap 'arm1'"):
+        ur5e.change(Place(name="crate", pose=Pose2(x=0, y=0, yaw=0), size=(0.3, 0.3, 2.0)))
     with pytest.raises(RequestRefused, match="'arm1' is already used in this world"):
-        ur5e.place(Place(name="arm1", pose=Pose2(x=1.5, y=1.5, yaw=0)))
+        ur5e.change(Place(name="arm1", pose=Pose2(x=1.5, y=1.5, yaw=0)))
 
 
 def test_its_bodies_are_in_scene_and_objects(ur5e: Simulation) -> None:

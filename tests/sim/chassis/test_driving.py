@@ -61,7 +61,7 @@ def test_odometry_does_not_notice_being_carried() -> None:
     simulation = make_simulation()
     drive(simulation, 0.5, linear=0.5)
     before = newest(simulation, topics.ODOMETRY).pose
-    simulation.move_robot(MoveRobot(robot="amr1", pose=Pose2(x=5.0, y=5.0, yaw=1.0)))
+    simulation.change(MoveRobot(robot="amr1", pose=Pose2(x=5.0, y=5.0, yaw=1.0)))
     coast(simulation, 0.02)
     assert simulation.robots["amr1"].pose == pytest.approx((5.0, 5.0, 1.0), abs=1e-3)
     assert newest(simulation, topics.ODOMETRY).pose.x == pytest.approx(before.x, abs=1e-3)
@@ -124,10 +124,10 @@ def test_commands_of_another_run_and_older_ones_are_not_taken() -> None:
 def test_a_fault_of_the_drive_stops_it_against_its_commands(fault: str) -> None:
     simulation = make_simulation()
     drive(simulation, 1.0, linear=0.8)
-    simulation.inject(InjectFault.model_validate({"robot": "amr1", "fault": fault}))
+    simulation.change(InjectFault.model_validate({"target": "amr1", "fault": fault}))
     drive(simulation, 0.5, linear=0.8)
     assert newest(simulation, topics.ODOMETRY).twist.linear == pytest.approx(0.0, abs=0.01)
-    simulation.inject(InjectFault.model_validate({"robot": "amr1", "fault": fault, "active": False}))
+    simulation.change(InjectFault.model_validate({"target": "amr1", "fault": fault, "active": False}))
     drive(simulation, 1.0, linear=0.8)
     assert newest(simulation, topics.ODOMETRY).twist.linear == pytest.approx(0.8, rel=0.02)
 

@@ -22,7 +22,7 @@ WALL = {"wall_east": {"kind": "wall", "start": (3.1, -9), "end": (3.1, 9), "thic
 
 
 def inject(simulation, fault: str, active: bool = True) -> None:  # type: ignore[no-untyped-def]
-    simulation.inject(InjectFault.model_validate({"robot": "amr1", "fault": fault, "active": active}))
+    simulation.change(InjectFault.model_validate({"target": "amr1", "fault": fault, "active": active}))
 
 
 def test_lidar_measures_a_wall_along_every_beam() -> None:
@@ -52,7 +52,7 @@ def test_lidar_sees_the_legs_of_a_rack_and_not_its_boards() -> None:
 @pytest.mark.parametrize(("kind", "size", "distance"), [("box", (0.4, 1.0, 0.5), 1.8), ("cylinder", (0.3, 0.5), 1.7)])
 def test_lidar_sees_what_was_placed_at_its_size(kind: str, size: tuple[float, ...], distance: float) -> None:
     simulation = make_simulation()
-    simulation.place(
+    simulation.change(
         Place.model_validate({"name": "thing", "kind": kind, "pose": Pose2(x=2.0, y=0, yaw=0), "size": size})
     )
     coast(simulation, 0.08)

@@ -1,0 +1,43 @@
+"""Faults that the simulator can cause on request: one row a fault."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+Target = Literal["chassis", "rack"]
+
+
+@dataclass(frozen=True)
+class FaultKind:
+    """``target``: what kind of thing has it. ``parts``: how many parts one of them can have it at, 0 for the whole."""
+
+    name: str
+    target: Target
+    text: str
+    parts: int = 0
+
+
+FAULTS = {
+    kind.name: kind
+    for kind in (
+        FaultKind("lidar_dead", "chassis", "no scans"),
+        FaultKind("lidar_blind", "chassis", "scans without a return"),
+        FaultKind("wheels_blocked", "chassis", "the drive turns no wheel"),
+        FaultKind("power_cable", "chassis", "a charging cable is plugged in"),
+        FaultKind("emergency_stop_button", "chassis", "the emergency stop button is pressed"),
+        FaultKind("pose_lost", "chassis", "no localised pose"),
+        FaultKind("leg_hidden", "rack", "the lidar does not see a leg of the rack, or (without a part) any", parts=4),
+    )
+}
+
+
+def _known(name: str) -> str:
+    if name not in FAULTS:
+        raise ValueError(f"fault {name!r} is not known; known: {sorted(FAULTS)}")
+    return name
+
+
+FaultName = Annotated[str, AfterValidator(_known), Field(json_schema_extra={"enum": list(FAULTS)})]
