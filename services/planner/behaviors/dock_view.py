@@ -50,11 +50,11 @@ class DockView:
         else:
             self.unseen = 0
             self._fused.update(se2.compose(seen.odometry, found))
+            self._map = se2.compose(seen.chassis, found)
         return found
 
-    def forget(self, ctx: Context) -> None:
+    def forget(self) -> None:
         """The chassis or the dock may have been moved: only the place in the map is kept."""
-        self._map = self.in_map(ctx)
         self._fused = FusedPose()
         self.unseen = 0
 

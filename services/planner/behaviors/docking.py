@@ -74,7 +74,7 @@ class Dockable(Protocol):
         """The dock's pose in a scan, near ``prior``; both in the chassis frame at the scan."""
 
     def report(self, ctx: Context, found: Pose | None, staging: Pose) -> DetectedRack | None:
-        """What is published of the last ``look`` into ``ctx.seen``; ``found`` as it returned, ``staging`` in the map."""
+        """What is published of the last ``look``. ``found``: what it returned; ``staging``: in the map."""
 
     def missing(self, seen: SeenScan, dock: Pose) -> MoveFailed:
         """It was not found near ``dock``."""
@@ -83,7 +83,7 @@ class Dockable(Protocol):
         """Raises ``MoveFailed`` for a dock that is too far from where it should be."""
 
     def obstruction(self, points: Array, at: Pose) -> str | None:
-        """What is on the way that is left, by points of the scan, (n, 2), and the chassis' pose, in the dock's frame."""
+        """What is on the way that is left. Points of the scan, (n, 2), and the chassis' pose in the dock's frame."""
 
     def load(self, body: Array, dock: Pose) -> Load | None:
         """The load of a chassis with that outline (map frame); None as long as it is not in the dock."""
@@ -135,7 +135,7 @@ class Docking:
         self._ctx = ctx
         if self._steps is None:
             return
-        self._view.forget(ctx)
+        self._view.forget()
         self._resumed = True
         if self._drive is not None:
             self._drive.resume(ctx)
@@ -186,7 +186,8 @@ class Docking:
     def _drive_to_staging(self) -> Steps:
         """To the first of the staging poses that can be reached; the goal follows what is seen on the way."""
         failed: MoveFailed | None = None
-        for self._staging_distance in self._place.staging:
+        for distance in self._place.staging:
+            self._staging_distance = distance
             try:
                 while (yield from self._has_shifted()):
                     pass

@@ -23,9 +23,10 @@ STRAIGHT_WITHIN = 0.25  # m before the goal from which on the heading fades to t
 TURN_GAIN = 2.5  # 1/s
 FASTEST_TURN, SLOWEST_TURN = 0.6, 0.015  # rad/s
 TURN_FIRST = 0.25  # rad off the wanted heading from which on it turns on the spot
-STOP_WITHIN = 0.004  # m before the goal at which the chassis is stopped; it rolls out by about that at a creep
+STOP_WITHIN = 0.002  # m before the goal at which the chassis is stopped; it rolls out by about that at a creep
 ASIDE = 0.05  # m of lateral error from which on it drives slowly
 SLOW = 0.15  # m/s
+MOST_BEYOND = 0.008  # m beyond the goal from which it is driven back
 
 BLEND = 0.25  # least weight of a new sighting
 JUMP, JUMP_YAW = 0.04, math.radians(3)  # off the estimate from which on a sighting is doubted
@@ -113,8 +114,9 @@ def approach(at: Pose, direction: int, speed: float, s: NavigationSettings) -> T
 
 
 def has_arrived(at: Pose, direction: int) -> bool:
-    """Whether the chassis is to stop now."""
-    return -direction * at[0] <= STOP_WITHIN
+    """Whether the chassis is to stop now: at the goal, or a little beyond."""
+    left = -direction * at[0]
+    return -MOST_BEYOND <= left <= STOP_WITHIN
 
 
 def turn_to_axis(at: Pose) -> Twist2:
