@@ -216,10 +216,11 @@ class RackDock:
 
     def is_docked(self, ctx: Context, off: Pose, waited: float) -> bool | None:
         del ctx
-        centred = abs(off[0]) <= CENTRED_ALONG and abs(off[1]) <= CENTRED
-        if waited < AT_REST or (centred and abs(off[2]) > CENTRED_YAW and waited < TURNING):
+        ahead, left, turned = np.abs(off).tolist()
+        centred = ahead <= CENTRED_ALONG and left <= CENTRED
+        if waited < AT_REST or (centred and turned > CENTRED_YAW and waited < TURNING):
             return None
-        return centred and abs(off[2]) <= CENTRED_YAW
+        return centred and turned <= CENTRED_YAW
 
     def exhausted(self, attempts: int, why: str) -> MoveFailed:
         text = f"no success in {attempts} attempts to drive under the rack at {self._target}; the last one: {why}"

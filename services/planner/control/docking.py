@@ -83,7 +83,7 @@ class Funnel:
         """``at``: pose of the chassis in the frame of the goal; ``direction``: 1 driving forward, -1 backward."""
         before = max(-direction * at[0] - self.entry, 0.0)
         turned = self.turned if before > 0.0 else self.turned_inside
-        return abs(at[1]) <= self.aside + self.slope * before and abs(at[2]) <= turned
+        return bool(abs(at[1]) <= self.aside + self.slope * before and abs(at[2]) <= turned)
 
 
 def along_axis(at: Pose, direction: int, left: float, speed: float, s: NavigationSettings) -> Twist2:
@@ -115,8 +115,7 @@ def approach(at: Pose, direction: int, speed: float, s: NavigationSettings) -> T
 
 def has_arrived(at: Pose, direction: int) -> bool:
     """Whether the chassis is to stop now: at the goal, or a little beyond."""
-    left = -direction * at[0]
-    return -MOST_BEYOND <= left <= STOP_WITHIN
+    return -MOST_BEYOND <= -direction * float(at[0]) <= STOP_WITHIN
 
 
 def turn_to_axis(at: Pose) -> Twist2:
