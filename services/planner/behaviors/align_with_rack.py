@@ -143,7 +143,7 @@ class RackDock:
         overlays = ctx.costmap.static.overlays
         self._target = self._chosen or target_of(self._request, overlays, ctx.settings.rack_point_radius)
         check_jack_down(ctx)
-        self._spec, *_ = self._specs = ctx.settings.rack_specs or (ctx.settings.default_rack,)
+        self._spec, *_ = self._specs = ctx.settings.rack_specs or (ctx.settings.unmeasured_rack,)
 
     def place(self, ctx: Context) -> Place:
         spec = self._spec
@@ -216,7 +216,7 @@ class RackDock:
 
     def is_docked(self, ctx: Context, off: Pose, waited: float) -> bool | None:
         del ctx
-        ahead, left, turned = np.abs(off).tolist()
+        ahead, left, turned = (abs(float(value)) for value in off)
         centred = ahead <= CENTRED_ALONG and left <= CENTRED
         if waited < AT_REST or (centred and turned > CENTRED_YAW and waited < TURNING):
             return None
