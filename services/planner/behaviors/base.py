@@ -17,7 +17,7 @@ from rackhand.schemas.moves import PlanningFlag, StuckState
 from rackhand.schemas.racks import DetectedRack
 from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
 from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.geometry.se2 import Pose, advanced
 from rackhand.services.planner.load import Load
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
@@ -95,6 +95,11 @@ class Context:
     settings: NavigationSettings
     plans: PlanWorker
     avoidance: DynamicAvoidance
+
+    @property
+    def predicted(self) -> Pose:
+        """The pose at which a command given now takes effect."""
+        return advanced(self.pose, self.twist, self.settings.actuation.latency)
 
     def request_plan(self, request: PlanRequest) -> None:
         """Ask for a plan on the map and what is observed on it now; ``plans.collect()`` has the answer, a tick later at
