@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Field, Strict, model_validator
 
 from rackhand.schemas.base import Array, Message, Pose2, Stamp
 
@@ -20,24 +20,35 @@ class RackSpec(Message):
     """A kind of rack, as in the setting ``rack.specs``. Metres.
 
     The frame of a rack has its origin on the floor in the middle between the legs and x along the heading of the
-    chassis that is under it. ``depth`` is measured over the outer faces of the legs along x, ``width`` along y.
-    ``margin``: parts that stick out beyond the legs in front, behind, to the left and to the right.
-    ``alignment``: the chassis' origin under the rack's middle, or its front edge ``alignment_margin_back`` before the
-    far edge of the rack. ``extra_leg_offset``: plates that stand inward from the legs, out of the lidar's plane.
-    ``foot_radius``: of castors under the legs. ``cargo_to_jack_front_edge_min_distance`` is kept for clients and has no
-    effect.
+    chassis that is under it.
     """
 
-    width: Positive
-    depth: Positive
-    margin: Margin = (0.05, 0.05, 0.05, 0.05)
-    alignment: Literal["center", "back"] = "center"
-    alignment_margin_back: NonNegative = 0.02
-    extra_leg_offset: NonNegative = 0.02
-    leg_shape: Literal["square", "round", "other"] = "square"
-    leg_size: Positive = 0.03
-    foot_radius: NonNegative = 0.05
-    cargo_to_jack_front_edge_min_distance: NonNegative = 0.05
+    width: Positive = Field(description="over the outer faces of the legs, across the heading of a robot under it")
+    depth: Positive = Field(description="over the outer faces of the legs, along that heading")
+    margin: Margin = Field(
+        (0.05, 0.05, 0.05, 0.05),
+        description="parts that stick out beyond the legs in front, behind, to the left and to the right",
+    )
+    alignment: Literal["center", "back"] = Field(
+        "center",
+        description="`center`: the robot's origin under the rack's middle; `back`: its front edge "
+        "`alignment_margin_back` before the far edge of the rack",
+    )
+    alignment_margin_back: NonNegative = Field(0.02, description="see `alignment`")
+    extra_leg_offset: NonNegative = Field(
+        0.02, description="plates that stand inward from the legs, where the lidar does not see them"
+    )
+    leg_shape: Literal["square", "round", "other"] = Field("square", description="`square`, `round` or `other`")
+    leg_size: Positive = Field(0.03, description="side or diameter of a leg")
+    foot_radius: NonNegative = Field(0.05, description="of castors under the legs")
+    cargo_to_jack_front_edge_min_distance: NonNegative = Field(0.05, description="no effect: kept and returned")
+
+    @model_validator(mode="after")
+    def _legs_apart(self) -> Self:
+        for name, length in (("width", self.width), ("depth", self.depth)):
+            if length <= 2 * self.leg_size:
+                raise ValueError(f"{name} {length:g} is not more than two legs of leg_size {self.leg_size:g}")
+        return self
 
     def outline(self) -> np.ndarray:
         """The rack with its margins in its own frame: corners (4, 2), counter-clockwise."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Callable
@@ -15,6 +16,8 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import Message
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.motion import RefusalDetail
+from rackhand.schemas.parameters import SETTINGS
+from rackhand.schemas.racks import RackSpec
 from rackhand.services.launch import access_control, asyncapi
 
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
@@ -65,6 +68,24 @@ def fail_reason_table() -> Table:
         (str(int(reason)), f"`{reason.rest_string}`", reason.doc_name) for reason in MoveFailReason
     ]
     return header, rows
+
+
+def settings_table() -> Table:
+    """Header and rows of ``/system/settings``."""
+    header: tuple[str, ...] = ("setting", "type", "what")
+    return header, [
+        (f"`{row.name}`", ", ".join(f"`{option}`" for option in row.options) or row.type, row.description)
+        for row in SETTINGS
+    ]
+
+
+def rack_spec_table() -> Table:
+    """Header and rows of the fields of one kind of rack in ``rack.specs``."""
+    header: tuple[str, ...] = ("field", "default", "what")
+    return header, [
+        (f"`{name}`", "required" if field.is_required() else f"`{json.dumps(field.default)}`", field.description or "")
+        for name, field in RackSpec.model_fields.items()
+    ]
 
 
 def crf_request_table() -> Table:
@@ -134,6 +155,8 @@ BLOCKS: dict[str, Callable[[], Table]] = {
     "queries": query_table,
     "websocket": websocket_table,
     "fail-reasons": fail_reason_table,
+    "settings": settings_table,
+    "rack-spec": rack_spec_table,
     "crf-requests": crf_request_table,
     "crf-refusals": refusal_table,
 }

@@ -32,6 +32,7 @@ from rackhand.schemas.moves import (
     MoveRequest,
     PauseMove,
 )
+from rackhand.schemas.racks import RackSpec
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.alerts import active_alerts
@@ -47,9 +48,10 @@ from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteSettings
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
-from rackhand.services.planner.parameters import ParameterService, ParameterStore
+from rackhand.services.planner.parameters import Basis, ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.reports import Publication, Reports, planning_state
+from rackhand.services.planner.settings import Limits
 
 PERIOD_NS = 40_000_000  # between commands
 AT_REST = 0.05  # m/s and rad/s: measured below it, the chassis is at rest
@@ -57,10 +59,16 @@ AT_REST = 0.05  # m/s and rad/s: measured below it, the chassis is at rest
 
 @dataclass(frozen=True)
 class ChassisSettings:
-    """``refuse_moves_while_jacking``: refuse moves while the jack moves, instead of holding them until it arrives."""
+    """What holds until a client sets it otherwise. ``refuse_moves_while_jacking``: refuse moves while the jack moves,
+    instead of holding them until it arrives."""
 
     remote: RemoteSettings = field(default_factory=RemoteSettings)
     refuse_moves_while_jacking: bool = False
+
+    def basis(self, rack_specs: tuple[RackSpec, ...]) -> Basis:
+        """What clients may change of these settings."""
+        fastest = self.remote.limits.max_forward_velocity
+        return Basis(Limits(), fastest, self.refuse_moves_while_jacking, rack_specs)
 
 
 class Chassis:
@@ -83,7 +91,7 @@ class Chassis:
         self._motion = motion
         self._book = MoveBook(moves)
         self._maps = MapService(maps, motion)
-        self.parameters = ParameterService(parameters, motion)
+        self.parameters = ParameterService(parameters, motion, self._settings.basis(motion.settings.rack_specs))
         self._modes = Modes(self._settings.remote.twist_life_ns)
         self._jack = JackOrders()
         self._load = load or UnkeptLoad()
@@ -168,11 +176,12 @@ class Chassis:
         self._motion.perceive(self._state)
         if self._motion.update_load(self._state):
             self._load.save(self._motion.load)
+        self.parameters.follow_load(self._state)
         limits = self._motion.settings.control
         if self._book.current is not None:
             wanted = self._step_move()
         else:
-            wanted, limits = self._remote(), self._settings.remote.limits.within(limits)
+            wanted, limits = self._remote(), self._remote_limits().within(limits)
         self._commanded = self._motion.command(wanted, self._state, limits)
         may_jack = self._commanded == STANDSTILL and self._measured_at_rest() and not self._modes.emergency_stop
         jack = self._jack.command(self._state.jack, stamp, may_jack)
@@ -250,6 +259,10 @@ class Chassis:
         twist = self._modes.remote_twist(self._stamp)
         return None if twist == STANDSTILL else Drive(twist)
 
+    def _remote_limits(self) -> Limits:
+        fastest = self.parameters.values.remote_max_forward_velocity
+        return self._settings.remote.limits._replace(max_forward_velocity=fastest)
+
     def _measured_at_rest(self) -> bool:
         odometry = self._state.odometry
         return odometry is not None and max(abs(odometry.twist.linear), abs(odometry.twist.angular)) < AT_REST
@@ -284,7 +297,7 @@ class Chassis:
         if self._driver_fault:
             raise RequestRefused(RefusalCode.UNAVAILABLE, self._driver_fault)
         direction = self._jacking()
-        if direction is not None and self._settings.refuse_moves_while_jacking:
+        if direction is not None and self.parameters.values.refuse_moves_while_jacking:
             raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is moving {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
         self._motion.begin(wanted)
@@ -380,7 +393,7 @@ class Chassis:
         move, running, status = self._book.last, self._motion.move, self._status
         self._reports.planning(planning_state(self._stamp, self._maps.current, move, running, status, self._distance))
         self._reports.path(self._stamp, self._status)
-        self._reports.footprint(self._stamp, self._motion.footprint, 0.0)
+        self._reports.footprint(self._stamp, self._motion.footprint, self.parameters.values.footprint_expansion)
         self._reports.load(self._stamp, self._motion.load)
         alerts = active_alerts(
             self._state,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
+from dataclasses import replace
 
 from rackhand.schemas.base import Twist2
 from rackhand.schemas.chassis import ChassisModel
 from rackhand.schemas.maps import MapData
 from rackhand.schemas.moves import MoveCreate
+from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.behaviors.base import Context, Done, Drive
 from rackhand.services.planner.behaviors.registry import BEHAVIORS, Registry
 from rackhand.services.planner.behaviors.running import PATIENCE_NS, RunningMove
@@ -61,6 +63,11 @@ class Motion:
         self.settings = self.settings.commanding(limits)
         self._avoidance.set_limits(limits)
 
+    def set_racks(self, specs: tuple[RackSpec, ...]) -> None:
+        """The kinds of racks that may be carried, from the next move on."""
+        self._configured = replace(self._configured, rack_specs=specs)
+        self.settings = replace(self.settings, rack_specs=specs)
+
     def set_body(self, body: Footprint) -> None:
         """The outline of the chassis without a load. ``footprint``, which must not touch anything, derives from it."""
         self._body = body
@@ -73,7 +80,7 @@ class Motion:
         if self._body is None:
             return changed
         measured = Measured(state, self.perception.pose, self._body)
-        load = next_load(self.load, measured, self.settings.default_rack)
+        load = next_load(self.load, measured, self.settings.unmeasured_rack)
         if load == self.load:
             return changed
         self._take_load(load)

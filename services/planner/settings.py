@@ -13,6 +13,9 @@ from rackhand.schemas.racks import RackSpec
 FORESEEN_ACC, FORESEEN_DECEL = 0.8, 0.25
 
 
+DEFAULT_RACKS = (RackSpec(width=0.83, depth=0.83), RackSpec(width=0.9, depth=1.2, leg_size=0.04))
+
+
 class Limits(NamedTuple):
     """What may be commanded: m/s, rad/s, m/s², rad/s². Decelerations are negative, as in the API.
 
@@ -133,12 +136,8 @@ class NavigationSettings:
     noise: PoseNoise = field(default_factory=PoseNoise)
     mppi: MppiSettings = field(default_factory=MppiSettings)
 
-    # racks: the kinds that may be carried, and what one counts as that is lifted without having been measured
-    rack_specs: tuple[RackSpec, ...] = (
-        RackSpec(width=0.83, depth=0.83),
-        RackSpec(width=0.9, depth=1.2, leg_size=0.04),
-    )
-    default_rack: RackSpec = field(default_factory=lambda: RackSpec(width=0.9, depth=1.2))
+    # racks: the kinds that may be carried
+    rack_specs: tuple[RackSpec, ...] = DEFAULT_RACKS
 
     # setting a rack down
     rack_point_radius: float = 0.3  # a request within this distance of a rack point means that point
@@ -206,6 +205,17 @@ class NavigationSettings:
     planning_timeout: float = 60.0
     move_timeout: float = 60.0
     rotate_timeout: float = 30.0
+
+    @property
+    def unmeasured_rack(self) -> RackSpec:
+        """What a rack counts as that is lifted without having been measured: as large as the largest of all kinds."""
+        kinds = self.rack_specs or DEFAULT_RACKS
+        margins = [max(sides) for sides in zip(*(kind.margin for kind in kinds), strict=True)]
+        return RackSpec(
+            width=max(kind.width for kind in kinds),
+            depth=max(kind.depth for kind in kinds),
+            margin=(margins[0], margins[1], margins[2], margins[3]),
+        )
 
     def for_chassis(self, model: ChassisModel) -> NavigationSettings:
         """These settings with the limits and the actuation of a chassis, within ``caps``.

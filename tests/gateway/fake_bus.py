@@ -24,7 +24,7 @@ from rackhand.schemas.maps import (
 from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveReply, MoveRequest, PauseMove
 from rackhand.schemas.parameters import ParameterChanges, ParametersReply, ParametersRequest, SetParameters
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
-from rackhand.services.planner.parameters import check, defaults, in_force, merged
+from rackhand.services.planner.parameters import Basis, changed, check, defaults, in_force, ranges
 from rackhand.services.planner.settings import NavigationSettings
 from tests.chassis_models import chassis_model
 
@@ -45,7 +45,7 @@ class FakeBus:
         self.maps: dict[int, MapData] = {}
         self.current_map: MapData | None = None
         self.control_mode = "auto"
-        self.limits = NavigationSettings().for_chassis(chassis_model()).own
+        self.basis = Basis(limits=NavigationSettings().for_chassis(chassis_model()).own)
         self.parameters = ParameterChanges()
 
     async def acall(self, query: topics.Query[Any, Any], request: Any, robot: str, timeout: float) -> Any:
@@ -124,11 +124,16 @@ class FakeBus:
         """By the planner's own rules."""
         if isinstance(request, SetParameters):
             try:
-                check(request.changes, self.limits)
+                check(request.changes, self.basis, request.names)
             except RequestRefused as refused:
                 raise Refused(refused.code, refused.text) from None
-            self.parameters = merged(self.parameters, request.changes)
-        return ParametersReply(values=in_force(self.parameters, self.limits), defaults=defaults(self.limits))
+            self.parameters = changed(self.parameters, request)
+        return ParametersReply(
+            values=in_force(self.parameters, self.basis),
+            defaults=defaults(self.basis),
+            user=self.parameters,
+            ranges=ranges(self.basis),
+        )
 
     def _maps(self, request: Any) -> MapReply:
         match request:

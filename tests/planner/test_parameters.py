@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
-from rackhand.schemas.chassis import ChassisModel, SetControlMode
+from rackhand.schemas import topics
+from rackhand.schemas.chassis import ChassisModel, Jack, SetControlMode
 from rackhand.schemas.parameters import (
     KEYS,
+    NAMES,
+    SETTINGS,
+    DriveParameterChanges,
+    DriveParameters,
     GetParameters,
     ParameterChanges,
     Parameters,
@@ -17,19 +23,30 @@ from rackhand.schemas.parameters import (
     ParametersRequest,
     SetParameters,
 )
+from rackhand.schemas.racks import RackSpec
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.behaviors.base import Drive
 from rackhand.services.planner.geometry.se2 import STANDSTILL
-from rackhand.services.planner.parameters import ParameterStore, check, commanded, defaults, in_force, merged
+from rackhand.services.planner.parameters import (
+    Basis,
+    ParameterStore,
+    changed,
+    check,
+    commanded,
+    defaults,
+    in_force,
+    load_share,
+)
+from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.planning.goals import Goal
 from rackhand.services.planner.settings import Limits, NavigationSettings
 from rackhand.worlds.chassis_model import load_profile
+from tests.chassis_models import chassis_model
 from tests.planner.fakes import Cell
 from tests.planner.plant import Plant, Robot
 from tests.planner.test_modes import remote
 
-LONGJACK = Limits()
-OTHER_KEYS = {"smooth_level", "auto_hold", "bump_tolerance", "bump_based_speed_limit"}
+LONGJACK = Basis(Limits())
 
 
 def put(cell: Cell, **changes: Any) -> Parameters:
@@ -45,20 +62,22 @@ def get(cell: Cell) -> ParametersReply:
 
 
 def test_every_parameter_has_a_key_and_may_be_changed() -> None:
-    assert set(KEYS) == set(Parameters.model_fields) == set(ParameterChanges.model_fields)
+    assert [row.field for row in SETTINGS] == list(Parameters.model_fields) == list(ParameterChanges.model_fields)
+    assert list(KEYS) == list(DriveParameters.model_fields) == list(DriveParameterChanges.model_fields)
+    assert len(set(NAMES.values())) == len(SETTINGS)
 
 
 def test_the_defaults_are_the_limits_of_the_chassis() -> None:
     values = defaults(LONGJACK)
-    assert values.model_dump(exclude=OTHER_KEYS) == {
+    assert values.model_dump(include=set(Limits._fields)) == {
         "max_forward_velocity": 1.2,
         "max_backward_velocity": -0.2,
         "max_forward_acc": 0.5,
         "max_forward_decel": -2.0,
         "max_angular_velocity": 1.2,
     }
-    assert commanded(values, LONGJACK) == LONGJACK
-    check(ParameterChanges(**values.model_dump()), LONGJACK)  # what was read may be written back
+    assert commanded(values, LONGJACK.limits) == LONGJACK.limits
+    check(ParameterChanges(**dict(values)), LONGJACK)  # what was read may be written back
 
 
 @pytest.mark.parametrize(
@@ -74,43 +93,87 @@ def test_the_defaults_are_the_limits_of_the_chassis() -> None:
         ("max_forward_decel", 0.0, "-2 … -0.1 m/s²"),
         ("max_angular_velocity", 1.25, "0 … 1.2 rad/s"),
         ("bump_tolerance", 1.5, "0 … 1"),
+        ("remote_max_forward_velocity", 0.9, "0 … 0.8 m/s"),
+        ("weight_min_linear", 0.0, "0.05 … 1.2 m/s"),
+        ("weight_min_angular", 1.3, "0.05 … 1.2 rad/s"),
+        ("footprint_expansion", -0.01, "0 … 0.5 m"),
     ],
 )
 def test_a_value_out_of_range_is_refused_by_its_name(name: str, value: float, allowed: str) -> None:
     with pytest.raises(RequestRefused) as refused:
         check(ParameterChanges(**{name: value}), LONGJACK)
     assert refused.value.code is RefusalCode.INVALID
-    assert refused.value.text == f"{KEYS[name]}: {value:g} is not in {allowed}"
+    assert refused.value.text == f"{NAMES[name]}: {value:g} is not in {allowed}"
+    with pytest.raises(RequestRefused) as refused:
+        check(ParameterChanges(**{name: value}), LONGJACK, "robot_params")
+    assert refused.value.text == f"{KEYS.get(name, NAMES[name])}: {value:g} is not in {allowed}"
 
 
 def test_a_request_names_all_its_faults() -> None:
     with pytest.raises(RequestRefused) as refused:
         check(ParameterChanges(max_forward_velocity=9.0, max_forward_acc=0.3, bump_tolerance=-1.0), LONGJACK)
     assert [text.split(":")[0] for text in refused.value.text.split("; ")] == [
-        "/wheel_control/max_forward_velocity",
-        "/control/bump_tolerance",
+        "control.max_forward_velocity",
+        "bump_based_speed_limit.bump_tolerance",
     ]
 
 
 def test_later_changes_go_before_earlier_ones_and_false_is_a_value() -> None:
     first = ParameterChanges(max_forward_velocity=0.5, auto_hold=False)
-    second = merged(first, ParameterChanges(max_forward_velocity=0.0, smooth_level="higher"))
+    more = ParameterChanges(max_forward_velocity=0.0, smooth_level="higher")
+    second = changed(first, SetParameters(changes=more))
     values = in_force(second, LONGJACK)
     assert (values.max_forward_velocity, values.auto_hold, values.smooth_level) == (0.0, False, "higher")
-    assert values.max_forward_acc == LONGJACK.max_forward_acc
+    assert values.max_forward_acc == LONGJACK.limits.max_forward_acc
+
+
+def test_what_is_reset_or_left_out_of_a_replacement_returns_to_its_default() -> None:
+    old = ParameterChanges(max_forward_velocity=0.5, auto_hold=False)
+    reset = SetParameters(changes=ParameterChanges(bump_tolerance=0.1), reset=("auto_hold",))
+    assert changed(old, reset) == ParameterChanges(max_forward_velocity=0.5, bump_tolerance=0.1)
+    replaced = SetParameters(changes=ParameterChanges(auto_hold=True), replace=True)
+    assert changed(old, replaced) == ParameterChanges(auto_hold=True)
+
+
+@pytest.mark.parametrize(
+    ("load", "linear", "angular"), [(0.0, 1.2, 1.2), (0.3, 0.84, 0.84), (0.5, 0.6, 0.7), (1.0, 0.4, 0.7)]
+)
+def test_a_load_lowers_velocities_down_to_the_least_that_is_set(load: float, linear: float, angular: float) -> None:
+    values = in_force(ParameterChanges(weight_min_angular=0.7), LONGJACK)
+    allowed = commanded(values, LONGJACK.limits, load)
+    assert allowed.max_forward_velocity == pytest.approx(linear)
+    assert allowed.max_angular_velocity == pytest.approx(angular)
+    assert allowed.max_forward_decel == LONGJACK.limits.max_forward_decel
+    off = in_force(ParameterChanges(weight_based_speed_limit=False), LONGJACK)
+    assert commanded(off, LONGJACK.limits, load) == LONGJACK.limits
+
+
+def test_a_load_does_not_raise_a_velocity_that_is_set_lower() -> None:
+    values = in_force(ParameterChanges(max_forward_velocity=0.3), LONGJACK)
+    assert commanded(values, LONGJACK.limits, 0.5).max_forward_velocity == 0.3
+
+
+def test_the_share_of_a_load_counts_while_the_jack_is_not_down() -> None:
+    state = ChassisState()
+    assert load_share(state) == 0.0
+    state.take(chassis_model())
+    for progress, weight, share in ((0.0, 90.0, 0.0), (0.5, 90.0, 0.3), (1.0, -2.0, 0.0), (1.0, 400.0, 1.0)):
+        state.take(Jack(stamp=0, state="hold", progress=progress, weight=weight))
+        assert load_share(state) == pytest.approx(share)
 
 
 def test_what_was_set_on_a_faster_chassis_is_brought_into_range() -> None:
     fast = ParameterChanges(max_forward_velocity=2.0, max_forward_decel=-3.0, max_forward_acc=0.4)
-    assert commanded(in_force(fast, LONGJACK), LONGJACK) == LONGJACK._replace(max_forward_acc=0.4)
+    limits = LONGJACK.limits
+    assert commanded(in_force(fast, LONGJACK), limits) == limits._replace(max_forward_acc=0.4)
 
 
 def test_foreseen_stops_are_as_gentle_as_the_parameters_and_protective_ones_as_short_as_the_chassis_can() -> None:
-    gentle = NavigationSettings().commanding(LONGJACK._replace(max_forward_decel=-0.2))
+    gentle = NavigationSettings().commanding(LONGJACK.limits._replace(max_forward_decel=-0.2))
     assert gentle.approach_decel == pytest.approx(0.8 * 0.2)
     assert gentle.own.max_forward_decel == -2.0
-    assert NavigationSettings().commanding(LONGJACK).approach_decel == pytest.approx(0.4)
-    slow_start = NavigationSettings().commanding(LONGJACK._replace(max_forward_acc=0.25))
+    assert NavigationSettings().commanding(LONGJACK.limits).approach_decel == pytest.approx(0.4)
+    slow_start = NavigationSettings().commanding(LONGJACK.limits._replace(max_forward_acc=0.25))
     assert slow_start.approach_decel == pytest.approx(0.2)
 
 
@@ -199,6 +262,64 @@ def test_a_jackal_has_parameters_of_its_own(cell: Cell) -> None:
     values = get(cell).values
     assert values.max_forward_velocity == jackal.limits.forward > longjack.max_forward_velocity
     assert put(cell, max_forward_velocity=1.9).max_forward_velocity == 1.9
+
+
+def test_remote_driving_has_a_velocity_of_its_own(cell: Cell) -> None:
+    cell.ask(SetControlMode(control_mode="remote"))
+    put(cell, remote_max_forward_velocity=0.2)
+    for _ in range(60):
+        cell.ask(remote(5.0))
+        cell.tick()
+    assert cell.twist.linear == pytest.approx(0.2)
+
+
+def test_a_load_slows_a_running_move_and_setting_it_down_does_not_outlast_it(cell: Cell) -> None:
+    """The script wants 0.5 m/s; 240 kg of 300 allow 0.4."""
+    cell.jack = Jack(stamp=0, state="hold", progress=1.0, weight=240.0)
+    cell.create()
+    assert cell.tick(20).twist.linear == pytest.approx(0.4)
+    cell.jack = cell.jack.model_copy(update={"weight": 241.0})
+    put(cell, weight_based_speed_limit=False)
+    assert cell.tick(20).twist.linear == pytest.approx(0.5)
+    put(cell, weight_based_speed_limit=True)
+    assert cell.tick(20).twist.linear == pytest.approx(0.4)
+    cell.jack = cell.jack.model_copy(update={"progress": 0.0, "weight": 0.0})
+    assert cell.tick(20).twist.linear == pytest.approx(0.5)
+
+
+KINDS = (RackSpec(width=0.765, depth=0.765, margin=(0.0925,) * 4), RackSpec(width=0.64, depth=0.7, leg_shape="round"))
+
+
+def test_kinds_of_racks_are_in_force_at_once_and_outlast_a_restart_and_a_new_model(
+    make_cell: Callable[..., Cell],
+) -> None:
+    first = make_cell()
+    defaults_before = get(first).defaults.rack_specs
+    assert first.motion.settings.rack_specs == defaults_before == NavigationSettings().rack_specs
+    put(first, rack_specs=KINDS)
+    assert first.motion.settings.rack_specs == KINDS
+    first.chassis.on_message(chassis_model(wheel_radius=0.1))
+    assert first.motion.settings.rack_specs == KINDS
+    first.database.close()
+    second = make_cell(path=first.path)
+    assert second.motion.settings.rack_specs == get(second).values.rack_specs == KINDS
+    assert get(second).defaults.rack_specs == defaults_before
+
+
+def test_a_rack_lifted_unmeasured_counts_as_the_largest_of_the_kinds(cell: Cell) -> None:
+    put(cell, rack_specs=KINDS)
+    largest = cell.motion.settings.unmeasured_rack
+    assert (largest.width, largest.depth, largest.margin) == (0.765, 0.765, (0.0925,) * 4)
+
+
+def test_the_expanded_footprint_follows_its_setting(cell: Cell) -> None:
+    cell.tick()
+    put(cell, footprint_expansion=0.05)
+    cell.tick()
+    plain, larger = cell.heard(topics.FOOTPRINT)
+    assert plain.expanded == pytest.approx(plain.outline)
+    assert larger.outline == pytest.approx(plain.outline)
+    assert np.abs(larger.expanded) == pytest.approx(np.abs(plain.outline) + 0.05)
 
 
 # -- driving ---------------------------------------------------------------------------------------------------------

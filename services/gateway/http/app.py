@@ -8,7 +8,7 @@ from fastapi import FastAPI
 from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
-from rackhand.services.gateway.chassis_api import chassis, device, files, maps, moves, parameters
+from rackhand.services.gateway.chassis_api import chassis, device, files, maps, moves, parameters, system_settings
 from rackhand.services.gateway.context import BusClient, Shared
 from rackhand.services.gateway.crf import motion
 from rackhand.services.gateway.crf.hub import MotionHub
@@ -25,8 +25,8 @@ The chassis API. Units are metres, radians and seconds; poses are in the current
 
 Changes of state are published over WebSocket at `/ws/v2/topics`: send
 `{"enable_topic": ["/planning_state", "/tracked_pose"]}`. Every path may end in a slash or not. Unknown keys of a body
-are ignored, except by `/robot-params`. Where several robots are served, each has this API under `/robots/{name}`; the
-paths without this prefix are those of the default robot.
+are ignored, except by `/robot-params` and `/system/settings`. Where several robots are served, each has this API under
+`/robots/{name}`; the paths without this prefix are those of the default robot.
 """
 
 
@@ -55,6 +55,7 @@ def create_app(fleet: Fleet, bus: BusClient, settings: Settings | None = None) -
         chassis.router,
         chassis.services,
         parameters.router,
+        system_settings.router,
         maps.router,
         device.router,
         files.router,

@@ -8,6 +8,7 @@ import pytest
 
 from rackhand.schemas import topics
 from rackhand.schemas.parameters import ParameterChanges, SetParameters
+from rackhand.services.planner.parameters import Basis
 from rackhand.services.planner.settings import NavigationSettings
 from rackhand.worlds.chassis_model import load_profile
 from tests.gateway import messages
@@ -100,7 +101,7 @@ def test_one_bad_key_is_named_and_nothing_changes(described: Gateway, body: dict
 def test_those_of_a_jackal_differ(gateway: Gateway) -> None:
     jackal = load_profile("jackal").describe()
     gateway.publish(topics.CHASSIS_MODEL, jackal)
-    gateway.bus.limits = NavigationSettings().for_chassis(jackal).own
+    gateway.bus.basis = Basis(limits=NavigationSettings().for_chassis(jackal).own)
     values = get(gateway)
     assert list(values) == list(LONGJACK)
     assert values[VELOCITY] == jackal.limits.forward != LONGJACK[VELOCITY]

@@ -21,6 +21,7 @@ from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import TIME_LIMIT_NS
 from rackhand.services.planner.moves.book import TARGET_MISSING
 from tests.planner.fakes import ARRIVED, FORWARD, STEP, UNIX_NS, Cell, driving
+from tests.planner.test_parameters import put
 
 
 def test_a_move_is_moving_in_the_answer_and_before_it_was_reported(cell: Cell) -> None:
@@ -315,12 +316,19 @@ def test_a_move_that_waits_for_a_jack_that_does_not_arrive_fails(make_cell: Call
     assert ended.fail_message == "the jack did not move up in time: it is at 20% after 40 s"
 
 
-def test_a_setting_refuses_moves_while_the_jack_travels(make_cell: Callable[..., Cell]) -> None:
-    cell = make_cell(jack=jack("hold", 0.0), settings=ChassisSettings(refuse_moves_while_jacking=True))
+@pytest.mark.parametrize("by_client", [False, True])
+def test_an_option_or_a_client_s_setting_refuses_moves_while_the_jack_travels(
+    make_cell: Callable[..., Cell], by_client: bool
+) -> None:
+    cell = make_cell(jack=jack("hold", 0.0), settings=ChassisSettings(refuse_moves_while_jacking=not by_client))
+    if by_client:
+        put(cell, refuse_moves_while_jacking=True)
     cell.ask(JackRequest(direction="up"))
     with pytest.raises(RequestRefused, match="the jack is moving up; wait until it has arrived") as refused:
         cell.create()
     assert refused.value.code == "precondition"
+    put(cell, refuse_moves_while_jacking=False)
+    assert cell.create().state == "moving"
 
 
 def test_the_jack_does_not_start_while_a_move_runs(make_cell: Callable[..., Cell]) -> None:
