@@ -268,6 +268,10 @@ class Parameters(_Pascal):
 # -- on the bus -------------------------------------------------------------------------------------------------------
 
 
+CONNECTION = "connection:"
+"""How the names of sessions begin that are connections: their end is reported by ``SessionGone``."""
+
+
 class CrfCall(Message):
     """A CRF request as it came, and the session it came through. Text, so that even broken JSON gets its answer."""
 

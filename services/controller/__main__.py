@@ -64,6 +64,14 @@ def main(
         ),
     ] = None,
     keep_alive: Annotated[float, typer.Option(min=0.1, help="seconds until an unused lock expires")] = 10.0,
+    retry: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            help="seconds for which a path that is sent again with the same id and text is taken to be a retry",
+            envvar="RACKHAND_CONTROLLER_RETRY",
+        ),
+    ] = 5.0,
 ) -> None:
     if SECOND % rate:
         raise typer.BadParameter(f"{rate} Hz: want a rate whose period is a whole number of nanoseconds")
@@ -83,7 +91,7 @@ def main(
     period_ns = SECOND // rate
     log.info("loading compiled code; the first start compiles it, which takes minutes")
     warm_up(model, period_ns)
-    access = AccessConfig(keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf)
+    access = AccessConfig(keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf, retry_ns=int(retry * SECOND))
     audit = AuditWriter(audit_log, lambda error: log.error("the audit log cannot be written", error=str(error)))
     with (
         ThreadPoolExecutor(1, thread_name_prefix="plan") as planning,

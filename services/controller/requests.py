@@ -89,7 +89,7 @@ class RequestHandler:
 
     def finish(self, granted: GrantedCommand, message: Message, text: str = "") -> None:
         """Answers a granted command, and the retries that came meanwhile."""
-        answer = self.dispatcher.finish(granted, message, text).decode()
+        answer = self.dispatcher.finish(granted, message, self._arm.now, text).decode()
         tickets = [granted.ticket, *(self._shared.pop(granted.key, []) if granted.key else [])]
         self._outbox.output.replies.extend((each, answer) for each in tickets)
 

@@ -72,7 +72,7 @@ class Motion:
         """The outline of the chassis without a load. ``footprint``, which must not touch anything, derives from it."""
         self._body = body
         self.footprint = self.load.footprint(body)
-        self.perception.configure(self.settings, body, self.footprint)
+        self.perception.configure(self.settings, body, self.footprint, self.load)
 
     def update_load(self, state: ChassisState) -> bool:
         """What the chassis carries by now; True if that changed, and perhaps the footprint with it."""
@@ -160,7 +160,7 @@ class Motion:
         stamp, measured = state.odometry.stamp, state.odometry.twist
         if wanted is None:
             return self._guard.brake(stamp, self.settings.own)
-        view = self.perception.surroundings(stamp)
+        view = self.perception.surroundings(stamp, wanted.may_touch)
         return self._guard.drive(
             wanted.twist, view, measured, stamp, limits, self.footprint.edges, self.settings, wanted.may_touch
         )

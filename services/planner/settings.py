@@ -139,6 +139,9 @@ class NavigationSettings:
     # racks: the kinds that may be carried
     rack_specs: tuple[RackSpec, ...] = DEFAULT_RACKS
 
+    rack_range: float = 5.0  # m from the lidar, within which the scan shows racks and free rack points
+    rack_memory: float = 1800.0  # s after it was seen last, when a rack or the state of a rack point is forgotten
+
     # setting a rack down
     rack_point_radius: float = 0.3  # a request within this distance of a rack point means that point
     unload_accuracy: float = 0.02  # of the chassis' position
@@ -179,6 +182,10 @@ class NavigationSettings:
     off_path_distance: float = 0.35
     path_check_distance: float = 5.0
     stop_before_obstacle: float = 0.35
+
+    # given routes
+    route_join_distance: float = 5.0  # from the first point, within which a route may be begun
+    off_line_distance: float = 0.1  # off a given line, as after a push, from which on the chassis drives back to it
 
     # arrival
     position_tolerance: float = 0.012  # where the approach stops, if the goal's accuracy is not smaller

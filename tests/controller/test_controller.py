@@ -574,3 +574,16 @@ def test_diagnostics_count_what_the_solver_does_and_how_long_it_takes() -> None:
     assert (cell.diagnostics.solver_us, cell.diagnostics.tick_us) == (1.0, 3.0), (
         "the solver's two looks are in the tick"
     )
+
+
+def test_what_a_released_lock_has_set_in_motion_arrives_though_another_waits() -> None:
+    cell = PerfectArm()
+    path = {"command": "appendPath", "type": "joints", "data": joints(UR5E, 0.4)}
+    assert cell.ask("low", command="lockControl", priority=20)["message"] is True
+    cell.ok("high", priority=5, **path)
+    assert cell.ask("high", command="unlockControl", priority=5)["message"] is True
+    assert cell.get_status()["holder"]["priority"] == 20
+    for _ in range(8):
+        assert cell.ask("low", command="lockControl", priority=20)["message"] is True
+        cell.advance(0.4)
+    assert np.abs(cell.q - UR5E.home - 0.4).max() < 1e-9

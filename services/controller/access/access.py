@@ -5,8 +5,9 @@ A pure state machine: an input and a monotonic time go in, the decision and ever
 * One holder: identity is (priority, client). A smaller number pre-empts at once; an equal number of
   another client is refused. Any accepted command takes the lock, as in CRF.
 * Every grant and every loss counts the lease up, so that a token of the past is recognisable (``FencingGuard``).
-* A holder whose keep-alive expires loses control, and its motion ends as declared. The motion of a former holder is
-  stopped and cleared before another client's first command.
+* A holder whose keep-alive expires loses control, and its motion ends as declared, also where another client has
+  waited for control. The motion of a former holder is stopped and cleared before another client's first command that
+  moves the arm.
 * Stops are accepted from any client. A stop by another client than the holder latches: nothing moves until the holder
   or a higher priority resumes, or the client that stopped moves the arm itself.
 * A new ``Access`` is a restart: new epoch, no holder.
@@ -175,7 +176,7 @@ class Access:
         if command.resumes or (command.moves and self._latched_by == caller.client):
             self._resume(command)
         if command.moves:
-            self._begin_motion(caller.client)
+            self._begin_motion(caller.client, command.takeover)
         if command.audited:
             self._record.audit(command.name, caller, command.priority)
         return Decision(
@@ -223,6 +224,8 @@ class Access:
         held = self._holder
         if held and held.is_of(entry.client, entry.priority):
             self._holder = entry
+            if takeover == "continue":
+                self._take_over(entry.client, takeover)
             return
         if held:
             self._lose("forced" if force else "preempted", "finishPath", by=entry)
@@ -232,17 +235,23 @@ class Access:
         action = ("force" if force else "preempt") if held else "grant"
         self._record.audit(action, caller, entry.priority, f"from {held.client} at {held.priority}" if held else "")
 
-    def _grant(self, entry: Entry, takeover: Takeover) -> None:
+    def _grant(self, entry: Entry, takeover: Takeover | None) -> None:
+        """``takeover`` ``None``: a motion of another client goes on until ``entry``'s client moves the arm."""
         self._record.next_lease()
         self._holder = entry
         self._waiting.remove(entry.client, entry.priority)
-        foreign = self._moved_by not in (None, entry.client) or self._kept_for not in (None, entry.client)
-        if foreign and takeover == "continue":
-            self._moved_by = entry.client if self._moved_by else None
-            self._kept_for = entry.client if self._kept_for else None
-        elif foreign:
-            self._stop_motion("softStop", clear=True, reason=f"control goes to {entry.client}")
+        if takeover is not None or self._kept_for not in (None, entry.client):
+            self._take_over(entry.client, takeover or "stop")
         self._record.event("controlGranted", entry.client, entry)
+
+    def _take_over(self, client: str, takeover: Takeover) -> None:
+        """Stops the motion and the queue of another client than ``client``, or makes them its own."""
+        foreign = self._moved_by not in (None, client) or self._kept_for not in (None, client)
+        if foreign and takeover == "continue":
+            self._moved_by = client if self._moved_by else None
+            self._kept_for = client if self._kept_for else None
+        elif foreign:
+            self._stop_motion("softStop", clear=True, reason=f"control goes to {client}")
 
     def _lose(self, reason: LossReason, effect: OnLoss, by: Entry | None = None) -> None:
         held = self._holder
@@ -252,6 +261,8 @@ class Access:
         self._holder = None
         # A command of the lost lease must be older than the token without holder.
         self._record.next_lease()
+        if self._moved_by not in (None, held.client):
+            return  # what a former holder left running when it released control is not this one's
         if effect == "softStop":
             self._stop_motion("softStop", clear=True, reason=f"{held.client} lost control: {reason}")
         elif effect == "hold":
@@ -284,12 +295,13 @@ class Access:
         """Grants control to the first that waits."""
         entry = self._waiting.first(self._now)
         if entry is not None:
-            self._grant(entry, "stop")
+            self._grant(entry, None)
             self._record.audit("promote", Caller(entry.client), entry.priority)
 
     # -- motion -------------------------------------------------------------------------------------------------------
 
-    def _begin_motion(self, client: str) -> None:
+    def _begin_motion(self, client: str, takeover: Takeover) -> None:
+        self._take_over(client, takeover)
         if self._kept_for is not None:
             # A new command instead of a resume: the kept queue is no longer wanted.
             self._stop_motion("softStop", clear=True, reason=f"{client} sent a new command")

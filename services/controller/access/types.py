@@ -24,6 +24,7 @@ class AccessConfig:
     forget it, finish it, or brake and keep it until the same client resumes. ``on_release`` is the same after an
     unlock, which is no accident: stock clients lock, command and unlock around every call. ``reserved`` names the
     clients that may use a priority; other priorities are free. ``force_roles`` may take control from anybody.
+    ``retry_ns``: for how long after its answer a repeated path is taken to be a retry (see ``ReplyMemory``).
     """
 
     keep_alive_ns: int = 10 * SECOND
@@ -33,11 +34,14 @@ class AccessConfig:
     strict_crf: bool = False
     reserved: tuple[tuple[int, frozenset[str]], ...] = ()
     force_roles: frozenset[str] = frozenset()
+    retry_ns: int = 5 * SECOND
     max_clients: int = 256
 
     def __post_init__(self) -> None:
         if not 0 < self.min_keep_alive_ns <= self.keep_alive_ns:
             raise ValueError(f"keep-alive of {self.keep_alive_ns} ns, at least {self.min_keep_alive_ns} (and above 0)")
+        if self.retry_ns < 0:
+            raise ValueError(f"retries are recognised for {self.retry_ns} ns, at least 0")
 
 
 @dataclass(frozen=True)

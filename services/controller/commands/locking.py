@@ -75,8 +75,8 @@ def _beat(request: crf.Request, decision: Decision) -> Answer:
 
 SPECS = (
     CommandSpec(crf.LockControl, OnAccess(_lock), malformed=_malformed_lock, named_errors=True),
-    CommandSpec(crf.UnlockControl, OnAccess(_unlock), once=True, named_errors=True),
-    CommandSpec(crf.ResumeControl, OnArm(_resume), resumes=True, once=True),
+    CommandSpec(crf.UnlockControl, OnAccess(_unlock), named_errors=True),
+    CommandSpec(crf.ResumeControl, OnArm(_resume), resumes=True),
     CommandSpec(crf.SoftStop, OnAccess(_stop)),
     CommandSpec(crf.HardStop, OnAccess(_stop)),
     CommandSpec(crf.StartHeartbeat, OnAccess(_start_heartbeat), malformed=_malformed_heartbeat, named_errors=True),

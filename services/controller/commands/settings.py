@@ -102,18 +102,15 @@ def _start_control(
 
 
 SPECS = (
-    CommandSpec(
-        crf.SetProfileVelocity, OnArm(_set_profile_velocity), audited=True, once=True, check=_check_profile_velocity
-    ),
+    CommandSpec(crf.SetProfileVelocity, OnArm(_set_profile_velocity), audited=True, check=_check_profile_velocity),
     CommandSpec(
         crf.SetProfileAcceleration,
         OnArm(_set_profile_acceleration),
         audited=True,
-        once=True,
         check=_check_profile_acceleration,
     ),
-    CommandSpec(crf.SetParameters, OnArm(_set_parameters), audited=True, once=True, check=_check_parameters),
-    CommandSpec(crf.SetGripper, OnArm(_set_gripper), audited=True, once=True),
-    CommandSpec(crf.StartJointsControl, OnArm(_start_control), moves=True, once=True),
-    CommandSpec(crf.StartTaskControl, OnArm(_start_control), moves=True, once=True),
+    CommandSpec(crf.SetParameters, OnArm(_set_parameters), audited=True, check=_check_parameters),
+    CommandSpec(crf.SetGripper, OnArm(_set_gripper), audited=True),
+    CommandSpec(crf.StartJointsControl, OnArm(_start_control), moves=True),
+    CommandSpec(crf.StartTaskControl, OnArm(_start_control), moves=True),
 )

@@ -80,10 +80,11 @@ class CommandSpec(Generic[R]):
     """One command.
 
     ``moves``: it sets the arm in motion, so a latched stop refuses it. ``resumes``: it lifts a latched stop.
-    ``audited``: it is written to the audit log even when it succeeds. ``once``: a retry with the same ``id`` and text
-    is answered from memory and not executed again. ``malformed``: the error for values that CRF's parser refuses (its
-    second argument is the number of joints); ``named_errors``: malformed fields are answered with CRF's texts instead
-    of a bare 400. ``check``: why this arm cannot do it, empty if it can; it is asked before control is taken.
+    ``audited``: it is written to the audit log even when it succeeds. ``once``: executing it twice is not the same as
+    executing it once, so a retry with the same ``id`` and text is answered from memory for ``AccessConfig.retry_ns``.
+    ``malformed``: the error for values that CRF's parser refuses (its second argument is the number of joints);
+    ``named_errors``: malformed fields are answered with CRF's texts instead of a bare 400. ``check``: why this arm
+    cannot do it, empty if it can; it is asked before control is taken.
     """
 
     model: type[R]

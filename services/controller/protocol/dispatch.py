@@ -76,7 +76,7 @@ class Dispatcher:
         self.not_offered = not_offered
         self._arm, self._commands = arm, commands
         self._max_points = max_points
-        self._memory = ReplyMemory()
+        self._memory = ReplyMemory(access.config.retry_ns)
         self._streams = StatusStreams(MAX_SESSIONS)
         self._sessions = Sessions(MAX_SESSIONS)
 
@@ -97,7 +97,7 @@ class Dispatcher:
         spec = self._commands.of(request)
         client = alias(session) if request.client is None else request.client
         self._sessions.remember(client, session)
-        begun = self._memory.begin(client, parsed.echo, text, spec.once)
+        begun = self._memory.begin(client, parsed.echo, text, spec.once, now)
         if not isinstance(begun, Fresh):
             return DispatchResult(reply=begun.answer, shared=None if begun.answer else begun.key)
         caller = _caller(client, request, parsed.echo)
@@ -106,17 +106,17 @@ class Dispatcher:
         result = self._answer(spec, request, context)
         if isinstance(result, Answer):
             message = encode(result, parsed.echo)
-            self._memory.finish(begun.key, message, _took_effect(result))
+            self._memory.finish(begun.key, message, _took_effect(result), now)
             return _result(context.outcomes, answer=message)
         granted = GrantedCommand(request, client, result, parsed.echo, begun.key, ticket)
         return _result(context.outcomes, granted=granted)
 
-    def finish(self, granted: GrantedCommand, message: Message, text: str = "") -> bytes:
+    def finish(self, granted: GrantedCommand, message: Message, now: int, text: str = "") -> bytes:
         """The answer of a granted command: an ``Expected``, or the status for ``getStatus``."""
         extras = lease_extras(granted.decision) if granted.request.client is not None else {}
         answer = reply(granted.request.command, message, text, **extras)
         encoded = encode(answer, granted.echo)
-        self._memory.finish(granted.key, encoded, _took_effect(answer))
+        self._memory.finish(granted.key, encoded, _took_effect(answer), now)
         return encoded
 
     def tick(self, now: int) -> Effects:

@@ -30,43 +30,48 @@ class Repeated:
 class _Kept:
     digest: bytes
     answer: bytes | None
+    until: int | None  # None while it is being executed
 
 
 class ReplyMemory:
-    """Remembers answers by (client, id).
+    """Remembers answers by (client, id) for ``life_ns`` after they were given.
 
-    A retry is the same text under the same id as the client's last request of that id. Clients that give every request
+    A retry is the same text under the same id as the client's last request of that id, and a matter of seconds: a
+    program that numbers its requests from 1 and is started again means what it sends. Clients that give every request
     the same id are not held up: another request in between ends the memory of the one before. What is idempotent by
-    nature (a lock, a stop, a velocity, a question) is carried out every time, because it refreshes something or its
-    answer changes; what was refused had no effect and may be tried again.
+    nature (a lock, a stop, a velocity, a setting, a question) is carried out every time, because it refreshes something
+    or its answer changes; what was refused had no effect and may be tried again. Times are nanoseconds of the caller's
+    clock.
     """
 
-    def __init__(self, clients: int = 64, ids: int = 128) -> None:
+    def __init__(self, life_ns: int, clients: int = 64, ids: int = 128) -> None:
+        self._life_ns = life_ns
         self._clients = clients
         self._ids = ids
         self._kept: OrderedDict[str, OrderedDict[bytes, _Kept]] = OrderedDict()
 
-    def begin(self, client: str, echo: dict[str, Any], text: bytes | str, once: bool) -> Fresh | Repeated:
+    def begin(self, client: str, echo: dict[str, Any], text: bytes | str, once: bool, now: int) -> Fresh | Repeated:
         """``echo``: ``{"id": …}`` or empty. ``once``: the request must not take effect twice."""
         if not echo:
             return Fresh(None)
         key, digest = _digest(msgspec.json.encode(echo["id"])), _digest(text)
         known = self._kept.get(client, OrderedDict()).get(key)
-        if known and once and known.digest == digest:
+        alive = known is not None and (known.until is None or now < known.until)
+        if known and alive and once and known.digest == digest:
             return Repeated(known.answer, (client, key))
         self._forget(client, key)
         if not once:
             return Fresh(None)
         mine = self._kept.setdefault(client, OrderedDict())
         self._kept.move_to_end(client)
-        mine[key] = _Kept(digest, None)
+        mine[key] = _Kept(digest, None, None)
         if len(mine) > self._ids:
             mine.popitem(last=False)
         if len(self._kept) > self._clients:
             self._kept.popitem(last=False)
         return Fresh((client, key))
 
-    def finish(self, key: tuple[str, bytes] | None, answer: bytes, took_effect: bool) -> None:
+    def finish(self, key: tuple[str, bytes] | None, answer: bytes, took_effect: bool, now: int) -> None:
         if key is None:
             return
         client, id_ = key
@@ -74,7 +79,7 @@ class ReplyMemory:
         if kept is None:
             return
         if took_effect:
-            kept.answer = answer
+            kept.answer, kept.until = answer, now + self._life_ns
         else:
             self._forget(client, id_)
 

@@ -16,12 +16,13 @@ class StatusStream:
     def __init__(self, frequency: float, mode: int, now: int) -> None:
         self._next = now
         self._last: dict[str, object] | None = None
-        self.change(frequency, mode)
+        self.change(frequency, mode, now)
 
-    def change(self, frequency: float, mode: int) -> None:
-        """A second start while active."""
+    def change(self, frequency: float, mode: int, now: int) -> None:
+        """A second start while active: the new period counts from ``now``, unless a status is due sooner."""
         self.period_ns = max(int(1000 / frequency), MIN_PERIOD_MS) * 1_000_000
         self.mode = mode
+        self._next = min(self._next, now + self.period_ns)
 
     def due(self, status: MotionStatus, now: int) -> bool:
         """Whether ``status`` is to be sent now; if so it counts as sent."""
@@ -53,7 +54,7 @@ class StatusStreams:
         """A second start of a session changes its stream. False if there are too many streams."""
         active = self._streams.get(session)
         if active is not None:
-            active.change(frequency, mode)
+            active.change(frequency, mode, now)
         elif len(self._streams) >= self._limit:
             return False
         else:

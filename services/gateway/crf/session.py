@@ -17,7 +17,7 @@ from rackhand.bus import BusError, Refused
 from rackhand.schemas import topics
 from rackhand.schemas.codec import MalformedMessage
 from rackhand.schemas.crf import CrfCode
-from rackhand.schemas.motion import CrfAnswer, CrfCall, MotionEvent
+from rackhand.schemas.motion import CONNECTION, CrfAnswer, CrfCall, MotionEvent
 from rackhand.schemas.refusal import RefusalCode
 from rackhand.services.gateway.crf.text import Envelope, error_text, read_envelope, to_text, unreadable
 from rackhand.services.gateway.ws.broadcast import Outbox
@@ -87,7 +87,7 @@ class Session:
     slowly to be kept."""
 
     def __init__(self, ask: Ask) -> None:
-        self.name = secrets.token_urlsafe(24)
+        self.name = CONNECTION + secrets.token_urlsafe(24)
         self.outbox = Outbox()
         self.ended = asyncio.Event()
         self._ask = ask

@@ -34,6 +34,7 @@ from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose
 from rackhand.services.planner.control.goal_checker import is_still
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry import se2
+from rackhand.services.planner.geometry.footprint import expanded
 from rackhand.services.planner.geometry.polygon import inside_convex
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.jacking import REACHED
@@ -45,6 +46,7 @@ from rackhand.services.planner.settings import NavigationSettings
 
 IN_VIEW = 5.0  # m from the place, within which the local costmap covers it
 OVERLAP = 0.2  # of a cell, by which the rack's outline may overlap an observed one: scan noise moves cells that much
+THROUGH = 0.15  # m around the place, within which plans ignore what is observed
 HEADINGS = 8  # that are tried where any will do
 WAY_IN, WAY_IN_STEP = 1.5, 0.25  # m of straight way before a place by which headings are compared
 
@@ -220,7 +222,8 @@ class ToUnloadPoint:
 
     def _inner(self, ctx: Context) -> Context:
         """What the drive is given: tighter tolerances, and a costmap whose plans lead up to what is in the place."""
-        return replace(ctx, settings=tightened(ctx.settings), costmap=ctx.costmap.planning_through(self._outline(ctx)))
+        place = expanded(self._outline(ctx), THROUGH)
+        return replace(ctx, settings=tightened(ctx.settings), costmap=ctx.costmap.planning_through(place))
 
     def _outline(self, ctx: Context) -> np.ndarray:
         """What the chassis with its rack covers at the goal, (n, 2) in the map frame."""

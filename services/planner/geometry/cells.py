@@ -5,6 +5,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from rackhand.services.planner.geometry.polygon import inside_convex
+
 
 class Geometry(NamedTuple):
     """Lower-left corner ``x``, ``y`` and cell size ``resolution`` in metres; size in cells.
@@ -28,3 +33,34 @@ class Geometry(NamedTuple):
 
     def centre(self, row: int, column: int) -> tuple[float, float]:
         return self.x + (column + 0.5) * self.resolution, self.y + (row + 0.5) * self.resolution
+
+    def centres(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Centres of the cells with these flat indices, (n, 2)."""
+        rows, columns = np.divmod(cells, self.columns)
+        return np.column_stack([self.x + (columns + 0.5) * self.resolution, self.y + (rows + 0.5) * self.resolution])
+
+
+def cells_in(geometry: Geometry, polygon: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Flat indices of the cells whose centre is inside a convex polygon, (n, 2) in metres."""
+    cells, centres = _window(geometry, polygon.min(axis=0), polygon.max(axis=0))
+    kept: NDArray[np.int64] = cells[inside_convex(polygon, centres)]
+    return kept
+
+
+def cells_near(geometry: Geometry, point: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
+    """Flat indices of the cells whose centre is within ``reach`` metres of a point, (2,)."""
+    cells, centres = _window(geometry, point - reach, point + reach)
+    kept: NDArray[np.int64] = cells[np.hypot(*(centres - point).T) <= reach]
+    return kept
+
+
+def _window(
+    g: Geometry, low: NDArray[np.float64], high: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Flat indices of all cells between two corners, and their centres (n, 2)."""
+    (r0, c0), (r1, c1) = g.cell(low[0], low[1]), g.cell(high[0], high[1])
+    rows, columns = np.meshgrid(
+        np.arange(max(r0, 0), min(r1 + 1, g.rows)), np.arange(max(c0, 0), min(c1 + 1, g.columns)), indexing="ij"
+    )
+    x, y = g.x + (columns.ravel() + 0.5) * g.resolution, g.y + (rows.ravel() + 0.5) * g.resolution
+    return (rows * g.columns + columns).ravel(), np.column_stack([x, y])

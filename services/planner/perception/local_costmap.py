@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rackhand.schemas.chassis import Scan
 from rackhand.services.planner.control.braking_guard import as_obstacles, nearby_cells
-from rackhand.services.planner.geometry.cells import Geometry
+from rackhand.services.planner.geometry.cells import Geometry, cells_in
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.polygon import inside_convex
 from rackhand.services.planner.geometry.se2 import Pose, compose
 from rackhand.services.planner.geometry.se2 import pose as as_pose
+from rackhand.services.planner.load import Load
 from rackhand.services.planner.map.grid import Mask, StaticMap
 from rackhand.services.planner.perception.dynamic_obstacles import DynamicObstacleTracker
 from rackhand.services.planner.perception.observed import ObservedObstacles
+from rackhand.services.planner.perception.racks import KnownRack, RackTracker
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -33,19 +36,24 @@ class LocalCostmap:
         self.static = static
         self.observed = ObservedObstacles(static, settings)
         self.movers = DynamicObstacleTracker()
+        self.racks = RackTracker(static.geometry, settings)
         self._velocities: Array = np.empty((0, 2))
         self._settings = settings
         self._cells: Array = np.empty((0, 2))
+        self._standing: Mask = static.blocked
+        self._corner = (0, 0)
+        self._outlines: list[KnownRack] = []
         self._masks: tuple[Array, ...] = ()
         self._unplanned: tuple[Array, ...] = ()
         self.mapped = DistanceGrid.of(static.blocked, static.geometry)
         self.near = self.mapped
 
-    def look(self, scan: Scan, chassis: Pose, footprint: Footprint) -> None:
+    def look(self, scan: Scan, chassis: Pose, footprint: Footprint, load: Load | None = None) -> None:
         """Take a scan that was seen with the chassis at that pose."""
         self.observed.integrate(scan, chassis, footprint.edges)
-        sensor = compose(chassis, as_pose(scan.sensor))[:2]
-        self._velocities = self.movers.update(self.observed, sensor, scan.stamp)
+        sensor = compose(chassis, as_pose(scan.sensor))
+        self._velocities = self.movers.update(self.observed, sensor[:2], scan.stamp)
+        self.racks.look(self.observed, sensor, chassis, load or Load(), scan.stamp)
         for mover in self.movers.moving:
             self.observed.shorten(mover.position, mover.radius + 0.3)
 
@@ -57,26 +65,34 @@ class LocalCostmap:
         r0, r1 = _span(row, reach, g.rows)
         c0, c1 = _span(column, reach, g.columns)
         window = (slice(r0, r1), slice(c0, c1))
-        blocked = self._standing(window)
+        self._standing, self._corner, self._outlines = self._stands_in(window), (r0, c0), self.racks.blocking
         x, y = g.x + c0 * g.resolution, g.y + r0 * g.resolution
-        self.near = DistanceGrid.of(blocked, Geometry(x, y, g.resolution, *blocked.shape))
-        self._cells = nearby_cells(blocked, g, window)
+        self.near = DistanceGrid.of(self._with_outlines(), Geometry(x, y, g.resolution, *self._standing.shape))
+        self._cells = nearby_cells(self._standing, g, window)
+
+    def clear(self, polygon: Array) -> None:
+        """Forget what was observed inside a convex polygon, (n, 2) metres in the map frame."""
+        self.observed.clear(cells_in(self.static.geometry, polygon))
 
     def mask(self, polygon: Array) -> LocalCostmap:
-        """This costmap without the obstacles inside a convex polygon, (n, 2) metres in the map frame."""
-        masked, g = copy.copy(self), self.near.geometry
-        x, y = (np.arange(g.columns) + 0.5) * g.resolution + g.x, (np.arange(g.rows) + 0.5) * g.resolution + g.y
-        centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        free = inside_convex(polygon, centres).reshape(g.rows, g.columns)
-        masked.near = DistanceGrid.of((self.near.distance == 0.0) & ~free, g)
+        """This costmap without the obstacles inside a convex polygon, (n, 2) metres in the map frame, and without the
+        outline of a rack whose middle is inside."""
+        masked = self.planning_through(polygon)
+        masked._outlines = _outside(polygon, self._outlines)
+        free = cells_in(self.near.geometry, polygon)
+        masked._standing = self._standing.copy()
+        masked._standing.reshape(-1)[free] = False
+        blocked = masked._with_outlines()
+        blocked.reshape(-1)[free] = False
+        masked.near = DistanceGrid.of(blocked, self.near.geometry)
         masked._masks = (*self._masks, polygon)
-        masked._unplanned = (*self._unplanned, polygon)
         masked._cells = self._cells[~inside_convex(polygon, self._cells)]
         return masked
 
     def planning_through(self, polygon: Array) -> LocalCostmap:
         """This costmap whose plans leave out observed obstacles inside a convex polygon, (n, 2) metres in the map
-        frame: a path then leads up to what is in there, and driving stops before it."""
+        frame, and a rack whose middle is inside: a path then leads up to what is in there, and driving stops before
+        it."""
         opened = copy.copy(self)
         opened._unplanned = (*self._unplanned, polygon)
         return opened
@@ -90,15 +106,15 @@ class LocalCostmap:
             row, column = g.cell(mover.position[0], mover.position[1])
             reach = math.ceil((mover.radius + MOVER_SHADOW) / g.resolution)
             kept &= (np.abs(rows - row) > reach) | (np.abs(columns - column) > reach)
+        outlines = self.racks.blocking
         for polygon in self._unplanned:
-            kept &= ~inside_convex(polygon, self._centres(rows, columns))
-        flat: NDArray[np.int64] = rows[kept] * g.columns + columns[kept]
+            outlines = _outside(polygon, outlines)
+        flat: NDArray[np.int64] = np.concatenate(
+            [rows[kept] * g.columns + columns[kept], *(rack.cells for rack in outlines)]
+        )
+        for polygon in self._unplanned:
+            flat = np.setdiff1d(flat, cells_in(g, polygon))
         return flat
-
-    def _centres(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
-        """Centres of cells of the map, (n, 2) in metres."""
-        g = self.static.geometry
-        return np.column_stack([g.x + (columns + 0.5) * g.resolution, g.y + (rows + 0.5) * g.resolution])
 
     def blocked(self) -> Mask:
         """Map and observed obstacles, everywhere."""
@@ -106,7 +122,17 @@ class LocalCostmap:
         mask.reshape(-1)[self.observed_cells()] = True
         return mask
 
-    def _standing(self, window: tuple[slice, slice]) -> Mask:
+    def _with_outlines(self) -> Mask:
+        """What stands in the window, and the whole of each rack."""
+        blocked, g = self._standing.copy(), self.static.geometry
+        r0, c0 = self._corner
+        for rack in self._outlines:
+            rows, columns = rack.cells // g.columns - r0, rack.cells % g.columns - c0
+            inside = (rows >= 0) & (rows < blocked.shape[0]) & (columns >= 0) & (columns < blocked.shape[1])
+            blocked[rows[inside], columns[inside]] = True
+        return blocked
+
+    def _stands_in(self, window: tuple[slice, slice]) -> Mask:
         g = self.static.geometry
         observed = self.observed.occupied(window)
         for mover in self.movers.moving:
@@ -117,10 +143,16 @@ class LocalCostmap:
             observed[rows, max(column - reach - c0, 0) : max(column + reach + 1 - c0, 0)] = False
         return observed | self.static.blocked[window]
 
-    def obstacles(self, pose: Pose) -> Array:
-        """Rows x, y, vx, vy, margin of everything within reach of a stop: cells by their edge, hits as they are."""
-        s = self._settings
-        cells = as_obstacles(self._within(self._cells, pose), 0.5 * self.static.geometry.resolution + s.cell_margin)
+    def obstacles(self, pose: Pose, touchable: Sequence[Array] = ()) -> Array:
+        """Rows x, y, vx, vy, margin of everything within reach of a stop: cells by their edge, hits as they are.
+
+        Racks whose middle is inside one of the convex polygons of ``touchable`` are no more than their hits.
+        """
+        s, outlines = self._settings, self._outlines
+        for polygon in touchable:
+            outlines = _outside(polygon, outlines)
+        points = np.vstack([self._cells, *(rack.rim for rack in outlines)])
+        cells = as_obstacles(self._within(points, pose), 0.5 * self.static.geometry.resolution + s.cell_margin)
         hits = as_obstacles(self.observed.points, s.hit_margin)
         hits[:, 2:4] = self._velocities
         hits[np.abs(self._velocities).any(axis=1), 4] = s.mover_margin
@@ -139,6 +171,11 @@ class LocalCostmap:
         limits = self.static.speed_limit
         inside = 0 <= row < limits.shape[0] and 0 <= column < limits.shape[1]
         return float(limits[row, column]) if inside else float("inf")
+
+
+def _outside(polygon: Array, racks: list[KnownRack]) -> list[KnownRack]:
+    """Those whose middle is not inside a convex polygon."""
+    return [rack for rack in racks if not inside_convex(polygon, rack.pose[None, :2])[0]]
 
 
 def _span(middle: int, reach: int, size: int) -> tuple[int, int]:

@@ -145,6 +145,23 @@ class ObservedObstacles:
             self._evidence.seen_free[g.cell(point[0], point[1])] == self._scans
         )
 
+    def survey(self, cells: NDArray[np.int64], scans: int) -> tuple[Flags, Flags]:
+        """Of cells given by flat indices: which hold an obstacle that was seen, and which were seen free, in the last
+        ``scans`` scans. What is near an obstacle of the map is that obstacle."""
+        e, since = self._evidence, self._scans - scans
+        firm = e.level.reshape(-1)[cells] >= OCCUPIED
+        occupied = firm & (e.touched.reshape(-1)[cells] > since) & (e.expires.reshape(-1)[cells] > self._scans)
+        free = ~firm & (e.seen_free.reshape(-1)[cells] > since)
+        return occupied, free
+
+    def unmapped_cells(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Those of the cells that are not near an obstacle of the map."""
+        return cells[~self._evidence.mapped.reshape(-1)[cells]]
+
+    def clear(self, cells: NDArray[np.int64]) -> None:
+        """Forget the obstacles in these cells."""
+        self._evidence.level.reshape(-1)[cells] = 0
+
     def shorten(self, centre: Array, radius: float) -> None:
         """A dynamic obstacle is there now but not for long: forget its cells soon after they are last seen."""
         g = self._static.geometry

@@ -11,6 +11,7 @@ from rackhand.services.planner.control.braking_guard import Surroundings, as_obs
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.load import Load, LoadState
 from rackhand.services.planner.map.grid import load_map
 from rackhand.services.planner.perception.chassis_state import QUALITY_LOST, ChassisState
 from rackhand.services.planner.perception.costmap import cost_bytes
@@ -30,6 +31,7 @@ class Perception:
         self._settings = settings
         self._body: Footprint | None = None
         self._footprint: Footprint | None = None
+        self._load = Load()
         self.costmap: LocalCostmap | None = None
         self.reset()
 
@@ -51,9 +53,17 @@ class Perception:
         if data is not None:
             self.costmap = LocalCostmap(load_map(data, self._settings.slow_zone_velocity), self._settings)
 
-    def configure(self, settings: NavigationSettings, body: Footprint, footprint: Footprint) -> None:
-        """The body without a load, the outline that must not touch anything, and the thresholds that suit it."""
-        self._settings, self._body, self._footprint = settings, body, footprint
+    def configure(
+        self, settings: NavigationSettings, body: Footprint, footprint: Footprint, load: Load | None = None
+    ) -> None:
+        """The body without a load, the outline that must not touch anything, the thresholds that suit it, and the load.
+
+        What was seen inside the outline of a rack that is on the jack from now on are its legs.
+        """
+        lifted = load is not None and load.state is LoadState.CARRYING and self._load.state is not LoadState.CARRYING
+        self._settings, self._body, self._footprint, self._load = settings, body, footprint, load or Load()
+        if lifted and self.costmap is not None and self.pose is not None:
+            self.costmap.clear(se2.transformed(self.pose, footprint.polygon))
 
     def update(self, state: ChassisState) -> None:
         """Take the newest measurements. ``pose`` is None afterwards unless the chassis is localised.
@@ -80,7 +90,7 @@ class Perception:
             points = points_of(scan, self._settings.obstacle_range, self._body or footprint)
             odometry, sensor = self._filter.odometry_at(scan.stamp), se2.pose(scan.sensor)
             self.seen = SeenScan(scan.stamp, points, chassis, odometry, sensor)
-            self.costmap.look(scan, chassis, footprint)
+            self.costmap.look(scan, chassis, footprint, self._load)
             self.costmap.refresh(self.pose)
 
     def begin(self, stamp: int) -> None:
@@ -95,12 +105,15 @@ class Perception:
         """Raises ``MoveFailed(CONTROL_COSTMAP_ERROR)`` if the scan has been missing for too long."""
         self._watchdog.check(stamp)
 
-    def surroundings(self, stamp: int) -> Surroundings | None:
-        """For the braking guard; None when the scan cannot be trusted, so that nothing can be known to be free."""
+    def surroundings(self, stamp: int, touchable: tuple[Array, ...] = ()) -> Surroundings | None:
+        """For the braking guard; None when the scan cannot be trusted, so that nothing can be known to be free.
+
+        ``touchable``: of racks whose middle is inside one of these convex polygons, only the legs count.
+        """
         if self._footprint is None or self._odometry is None or self.scan_fault(stamp) is not None:
             return None
         if self.pose is not None and self.costmap is not None:
-            return Surroundings(self.pose, self.costmap.obstacles(self.pose))
+            return Surroundings(self.pose, self.costmap.obstacles(self.pose, touchable))
         near = (np.abs(self._hits - self._odometry[:2]) < self._settings.safety_radius).all(axis=1)
         return Surroundings(self._odometry, as_obstacles(self._hits[near], self._settings.hit_margin))
 

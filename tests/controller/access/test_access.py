@@ -230,12 +230,60 @@ def test_a_waiting_client_is_granted_when_the_others_leave() -> None:
     desk.lock("c", 20)
     left = desk.unlock("a", 10)
     assert told(left) == [("controlLost", "a", "released"), ("controlGranted", "c", None)]
-    assert stops(left) == [("softStop", True)]
+    assert stops(left) == [], "what a released lock has set in motion is finished"
     assert desk.access.priority_under_control == 20
     desk.now += 5
     desk.lock("b", 30)
     desk.wait(6)
     assert desk.access.priority_under_control == 30, "c asked 11 s ago, b again 6 s ago"
+
+
+def waits_while_another_moves(**lock: Any) -> Desk:
+    """b waits for control while a moves the arm."""
+    desk = Desk()
+    desk.lock("a", 5, **lock)
+    desk.move("a", 5)
+    desk.lock("b", 20)
+    return desk
+
+
+def test_a_released_motion_ends_with_the_first_motion_of_who_has_waited() -> None:
+    desk = waits_while_another_moves()
+    assert not desk.unlock("a", 5).motion
+    assert not desk.lock("b", 20).motion, "a client that waits asks for control again and again"
+    assert not desk(Command(Caller("b"), "setGripper", 20, moves=False)).motion
+    assert stops(desk.move("b", 20)) == [("softStop", True)]
+    assert not desk.move("b", 20).motion, "its own motion goes on"
+
+
+@pytest.mark.parametrize("by", ["lock", "move"])
+def test_a_released_motion_may_be_taken_over_by_who_has_waited(by: str) -> None:
+    desk = waits_while_another_moves()
+    desk.unlock("a", 5)
+    assert not getattr(desk, by)("b", 20, takeover="continue").motion
+    assert not desk.move("b", 20).motion
+    assert not desk(Disconnected("a")).motion, "it is b's now"
+
+
+def test_a_path_that_may_be_finished_is_finished_whoever_waits() -> None:
+    desk = waits_while_another_moves(on_loss="finishPath", keep_alive_ns=2 * SECOND)
+    lost = desk.wait(3)
+    assert told(lost) == [("controlLost", "a", "expired"), ("controlGranted", "b", None)]
+    assert not lost.motion
+    assert not desk.wait(8).motion, "b has moved nothing, so its lock expires without a stop"
+    assert desk.access.priority_under_control == 0
+
+
+@pytest.mark.parametrize("on_loss", ["softStop", "hold"])
+def test_other_losses_stop_the_motion_whoever_waits(on_loss: Any) -> None:
+    desk = waits_while_another_moves(on_loss=on_loss, keep_alive_ns=2 * SECOND)
+    assert ("softStop", True) in stops(desk.wait(3)), "what is kept is dropped when another is granted control"
+
+
+def test_a_vanished_client_stops_what_it_left_running_whoever_holds_control() -> None:
+    desk = waits_while_another_moves()
+    desk.unlock("a", 5)
+    assert stops(desk(Disconnected("a"))) == [("softStop", True)]
 
 
 def test_a_vanished_holder_stops_at_once_and_its_places_are_given_up() -> None:

@@ -103,12 +103,12 @@ class PriorityAccess(RuleBasedStateMachine):
         assert self.hop.raise_to(after)
         return outcome
 
-    def follow_events(self, outcome: Outcome) -> list[tuple[str, str]]:
+    def follow_events(self, outcome: Outcome) -> list[tuple[str, str, str]]:
         lost = []
         for event in outcome.events:
             if event.name == "controlLost":
                 assert self.lease and event.info.client == self.lease.client, "only the holder loses control"
-                lost.append((str(event.info.reason), self.lease.on_loss))
+                lost.append((self.lease.client, str(event.info.reason), self.lease.on_loss))
                 self.lease = None
             elif event.name == "controlGranted":
                 assert self.lease is None, f"two holders: {self.lease} and {event.info.client}"
@@ -118,8 +118,8 @@ class PriorityAccess(RuleBasedStateMachine):
                 self.lease = Lease(*key, event.info.lease_id, at, keep_alive, on_loss)
         return lost
 
-    def follow_effects(self, outcome: Outcome, lost: list[tuple[str, str]]) -> None:
-        moving = self.mover is not None
+    def follow_effects(self, outcome: Outcome, lost: list[tuple[str, str, str]]) -> None:
+        mover = self.mover
         for effect in outcome.motion:
             assert effect.serial > self.last_serial
             self.last_serial = effect.serial
@@ -128,8 +128,8 @@ class PriorityAccess(RuleBasedStateMachine):
                 self.guard.stop(self.now)
             else:
                 assert isinstance(effect, ContinueMotion)
-        for reason, on_loss in lost:
-            if moving and reason in ("expired", "disconnected", "heartbeat") and on_loss != "finishPath":
+        for client, reason, on_loss in lost:
+            if mover == client and reason in ("expired", "disconnected", "heartbeat") and on_loss != "finishPath":
                 assert any(isinstance(effect, StopMotion) for effect in outcome.motion), f"{reason} without a stop"
 
     def live(self) -> Lease | None:
@@ -170,7 +170,8 @@ class PriorityAccess(RuleBasedStateMachine):
         if allowed:
             assert self.lease and (self.lease.client, self.lease.priority) == key
             self.lease.refreshed, self.lease.keep_alive, self.lease.on_loss = self.asked[key]
-            self.check_takeover(outcome, client, mover, takeover)
+            if not same or takeover == "continue":
+                self.check_takeover(outcome, client, mover, takeover)
             assert outcome.decision.token
             self.tokens.append((client, outcome.decision.token))
 
@@ -220,12 +221,15 @@ class PriorityAccess(RuleBasedStateMachine):
         held, mover, stopped_by = self.live(), self.mover, self.access.stopped_by
         key = (client, priority)
         same = held is not None and (held.client, held.priority) == key
+        asked = self.asked.get(key)
         if not same:
             self.asked[key] = (self.now, self.config.keep_alive_ns, self.config.on_loss)
         before = self.access.token
         outcome = self.do(command)
         decision = outcome.decision
         if not decision.ok:
+            if asked is not None:
+                self.asked[key] = asked  # what it waits with since its lock was refused
             assert not outcome.motion and not outcome.events and self.access.token == before
             return
         assert held is None or same or priority < held.priority, f"{key} moved the arm while {held} lives"
@@ -234,7 +238,8 @@ class PriorityAccess(RuleBasedStateMachine):
         assert stopped_by in (None, client) or command.resumes, "a latched stop was moved away"
         assert self.lease and decision.token == self.access.token
         self.lease.refreshed = self.now
-        self.check_takeover(outcome, client, mover, command.takeover)
+        if command.moves or not same:
+            self.check_takeover(outcome, client, mover, command.takeover)
         assert decision.serial >= self.last_serial
         self.last_serial = decision.serial
         if command.moves or any(isinstance(effect, ContinueMotion) for effect in outcome.motion):

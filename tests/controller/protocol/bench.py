@@ -52,10 +52,10 @@ class Bench:
 
     def carry_out(self, granted: GrantedCommand) -> bytes:
         if isinstance(granted.request, crf.GetStatus):
-            return self.dispatcher.finish(granted, self.dispatcher.complete(IDLE, self.now))
+            return self.dispatcher.finish(granted, self.dispatcher.complete(IDLE, self.now), self.now)
         if isinstance(granted.request, crf.AppendJointsPath | crf.AppendTaskPath):
             self.queue.extend(granted.request.data)
-        return self.dispatcher.finish(granted, Expected[bool].of(True))
+        return self.dispatcher.finish(granted, Expected[bool].of(True), self.now)
 
 
 PATH: dict[str, Any] = {"command": "appendPath", "priority": 10, "type": "joints", "data": [[0, 0, 0, 0, 0, 0]]}

@@ -253,7 +253,7 @@ def test_what_was_refused_may_be_tried_again() -> None:
     assert bench.ask("a", **PATH, id=3)["message"] == OK
     turn = bench.dispatcher.request("a", json.dumps({**PATH, "id": 9}), bench.now)
     assert turn.granted
-    bench.dispatcher.finish(turn.granted, Expected[bool].failed(400), "unreachable")
+    bench.dispatcher.finish(turn.granted, Expected[bool].failed(400), bench.now, "unreachable")
     assert bench.ask("a", **PATH, id=9)["message"] == OK
 
 
@@ -367,6 +367,18 @@ def test_streams_send_at_their_rate_or_on_change() -> None:
     assert bench.ask("a", command="stopStreamStatus")["message"] == "Stream was not active"
     bench.dispatcher.disconnected("b", 0)
     assert bench.dispatcher.due(IDLE, SECOND) == []
+
+
+def test_a_changed_frequency_acts_at_once() -> None:
+    stream = StatusStream(0.05, 1, 0)
+    assert stream.due(IDLE, 0), "the first is always sent"
+    start = SECOND // 2
+    stream.change(20, 1, start)
+    sent = [t for t in range(start, start + 3 * SECOND, 2_000_000) if stream.due(IDLE, t)]
+    assert 59 <= len(sent) <= 61 and sent[0] <= start + 50_000_000
+    stream.change(0.05, 1, sent[-1])
+    soon = [t for t in range(sent[-1] + 1, sent[-1] + 5 * SECOND, 2_000_000) if stream.due(IDLE, t)]
+    assert len(soon) == 1, "what was due already is sent, and then nothing for 20 s"
 
 
 def test_a_stream_of_too_many_hertz_is_capped_and_missed_periods_are_not_made_up() -> None:

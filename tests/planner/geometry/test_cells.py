@@ -1,9 +1,10 @@
 from __future__ import annotations
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rackhand.services.planner.geometry.cells import Geometry
+from rackhand.services.planner.geometry.cells import Geometry, cells_in, cells_near
 
 GRID = Geometry(-3.0, 2.0, 0.05, 40, 60)
 
@@ -18,3 +19,14 @@ def test_outside_is_not_contained_but_has_a_cell_number() -> None:
     assert GRID.cell(-3.01, 4.01) == (40, -1)
     for x, y in ((-3.01, 3.0), (0.01, 3.0), (-1.0, 1.99), (-1.0, 4.01)):
         assert not GRID.contains(x, y)
+
+
+def test_cells_in_a_polygon_and_near_a_point_are_those_whose_centres_are() -> None:
+    g = Geometry(-1.0, 2.0, 0.1, 20, 30)
+    square = np.array([(-0.5, 2.5), (-0.1, 2.5), (-0.1, 2.9), (-0.5, 2.9)])
+    cells = cells_in(g, square)
+    centres = g.centres(cells)
+    assert len(cells) == 16 and (np.abs(centres - (-0.3, 2.7)) < 0.2).all()
+    assert [g.cell(*centre) for centre in centres] == [divmod(cell, g.columns) for cell in cells.tolist()]
+    assert len(cells_near(g, np.array([-0.3, 2.7]), 0.1)) == 4
+    assert len(cells_in(g, square - (0.7, 0.0))) == 8, "cells beyond the edge of the grid are left out"
