@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rackhand.schemas.chassis import Alert
+from rackhand.services.planner.load import Slip
 from rackhand.services.planner.perception.chassis_state import QUALITY_LOST, ChassisState
 
 STUCK = 1007
@@ -12,14 +13,22 @@ POSITION_UNRELIABLE = 7002
 POSITION_LOST = 7005
 BATTERY_CRITICAL = 8003
 BATTERY_LOW = 8501
+RACK_MOVED_SLIGHTLY = 9015
 JACK_ERROR = 9016
+RACK_MOVED_FAR = 12005
 
 LOW_CHARGE, CRITICAL_CHARGE = 0.2, 0.1
 POOR_QUALITY = 3
 
 
 def active_alerts(
-    sensed: ChassisState, *, moving: bool, stuck: bool, jack_failed: str | None, map_trouble: str | None
+    sensed: ChassisState,
+    *,
+    moving: bool,
+    stuck: bool,
+    jack_failed: str | None,
+    map_trouble: str | None,
+    slipped: Slip = Slip.NONE,
 ) -> tuple[Alert, ...]:
     """All that is the matter now, in the order of their codes."""
     found: list[Alert] = []
@@ -31,6 +40,12 @@ def active_alerts(
     found += _battery(sensed)
     if jack_failed is not None:
         found.append(_alert(JACK_ERROR, jack_failed))
+    text = f"the rack has moved {slipped.value} on the jack since it was lifted"
+    if slipped is Slip.SLIGHTLY:
+        # A warning by what it means, though not by its code, which is that of the real robot.
+        found.append(Alert(code=RACK_MOVED_SLIGHTLY, level="warning", msg=text))
+    elif slipped is Slip.SIGNIFICANTLY:
+        found.append(_alert(RACK_MOVED_FAR, text))
     return tuple(sorted(found, key=lambda alert: alert.code))
 
 

@@ -12,6 +12,7 @@ from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.chassis import ChassisFootprint, ChassisStatus, Costmap
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import INTENT_MOVE_TYPES, Move, MoveEvent, PlannedPath, PlanningState
+from rackhand.schemas.racks import RackStates
 from rackhand.schemas.topics import Topic
 from rackhand.services.planner.behaviors.base import Status
 from rackhand.services.planner.behaviors.running import RunningMove
@@ -43,6 +44,7 @@ class Reports:
         self._costmap_stamp: int | None = None
         self._footprint: tuple[Footprint, float] | None = None
         self._load: Load | None = None
+        self._rack_states: RackStates | None = None
 
     def take(self) -> list[Publication]:
         """All that is due now, in order; each once."""
@@ -107,6 +109,16 @@ class Reports:
         if load is not self._load:
             self._load = load
             self._put(topics.LOAD, load.report(stamp))
+
+    def rack_states(self, detected: RackStates | None, remembered: RackStates | None) -> None:
+        """At 1 Hz: what is detected of rack points now; all that is known of them where it has changed."""
+        if detected is not None:
+            self._put(topics.DETECTED_RACK_STATES, detected)
+        if remembered is not None and (
+            self._rack_states is None or _without(self._rack_states) != _without(remembered)
+        ):
+            self._rack_states = remembered
+            self._put(topics.MAP_RACK_STATES, remembered)
 
     def status(self, status: ChassisStatus) -> None:
         if self._status is None or _without(self._status) != _without(status):
