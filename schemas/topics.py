@@ -132,7 +132,8 @@ CHASSIS_MODEL = _chassis("chassis/model", chassis.ChassisModel, "driver", ("plan
 POSE = _chassis("chassis/pose", chassis.LocalisedPose, "localiser", ("planner", "gateway", "viewer"), 25, Qos.STREAM,
                 "localised pose in the map", ws.TrackedPose, ws.SlamState, ws.MatchedPoints)
 CHASSIS_STATUS = _chassis("chassis/status", chassis.ChassisStatus, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
-                          "mode, stops, alerts", ws.WheelState, ws.ChassisState, ws.Alerts)
+                          "mode, stops, self-check of the jack, alerts", ws.WheelState, ws.ChassisState, ws.Alerts,
+                          ws.JackState)
 FOOTPRINT = _chassis("chassis/footprint", chassis.ChassisFootprint, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
                      "outline that must not touch anything now: of the body, or of body and carried rack",
                      ws.RobotModel, ws.RobotFootprint)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rackhand.schemas.chassis import Alert
+from rackhand.services.planner.jacking import JackOrders
 from rackhand.services.planner.load import Slip
 from rackhand.services.planner.perception.chassis_state import QUALITY_LOST, ChassisState
 
@@ -15,6 +16,7 @@ BATTERY_CRITICAL = 8003
 BATTERY_LOW = 8501
 RACK_MOVED_SLIGHTLY = 9015
 JACK_ERROR = 9016
+JACK_SELF_CHECK = 12004
 RACK_MOVED_FAR = 12005
 
 LOW_CHARGE, CRITICAL_CHARGE = 0.2, 0.1
@@ -23,10 +25,10 @@ POOR_QUALITY = 3
 
 def active_alerts(
     sensed: ChassisState,
+    jack: JackOrders,
     *,
     moving: bool,
     stuck: bool,
-    jack_failed: str | None,
     map_trouble: str | None,
     slipped: Slip = Slip.NONE,
 ) -> tuple[Alert, ...]:
@@ -38,8 +40,8 @@ def active_alerts(
         found.append(_alert(MAP_INFO_BAD, map_trouble))
     found += _position(sensed, moving)
     found += _battery(sensed)
-    if jack_failed is not None:
-        found.append(_alert(JACK_ERROR, jack_failed))
+    if jack.failed is not None:
+        found.append(_alert(JACK_SELF_CHECK if jack.check_state == "error" else JACK_ERROR, jack.failed))
     text = f"the rack has moved {slipped.value} on the jack since it was lifted"
     if slipped is Slip.SLIGHTLY:
         # A warning by what it means, though not by its code, which is that of the real robot.

@@ -10,10 +10,11 @@ from rackhand.schemas.chassis import (
     ChassisCommand,
     ChassisModel,
     ChassisRequest,
-    ChassisStatus,
+    ClearJackErrors,
     Contacts,
     Done,
     JackRequest,
+    JackSelfCheck,
     Odometry,
     RemoteTwist,
     SetControlMode,
@@ -50,7 +51,7 @@ from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
 from rackhand.services.planner.parameters import Basis, ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState
-from rackhand.services.planner.reports import Publication, Reports, planning_state
+from rackhand.services.planner.reports import Publication, Reports, chassis_status, planning_state
 from rackhand.services.planner.settings import Limits
 
 PERIOD_NS = 40_000_000  # between commands
@@ -343,18 +344,27 @@ class Chassis:
                     raise RequestRefused(RefusalCode.PRECONDITION, "a power cable is plugged into the chassis")
                 self._modes.take_remote_twist(twist, self._stamp)
             case JackRequest(direction=direction):
-                if self._book.current is not None:
-                    raise RequestRefused(
-                        RefusalCode.PRECONDITION,
-                        f"move {self._book.current.id} is running; the jack moves only while no move runs",
-                    )
-                if self._modes.emergency_stop:
-                    raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
+                self._check_may_jack()
                 detail = self._jack.request(direction, self._state.jack)
+            case JackSelfCheck():
+                self._check_may_jack()
+                self._motion.load.check_nothing_above()
+                detail = self._jack.check(self._state.jack)
+            case ClearJackErrors():
+                detail = self._jack.clear()
             case SetPose():
                 detail = self._set_pose()
         self._report()
         return Done(detail=detail)
+
+    def _check_may_jack(self) -> None:
+        if self._book.current is not None:
+            raise RequestRefused(
+                RefusalCode.PRECONDITION,
+                f"move {self._book.current.id} is running; the jack moves only while no move runs",
+            )
+        if self._modes.emergency_stop:
+            raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
 
     def _set_pose(self) -> str:
         """Clients give a first guess after they set a map. The localiser of this version finds the pose by itself."""
@@ -404,20 +414,14 @@ class Chassis:
         self._reports.path(self._stamp, self._status)
         self._reports.footprint(self._stamp, self._motion.footprint, self.parameters.values.footprint_expansion)
         self._reports.load(self._stamp, self._motion.load)
+        moving, stuck = self._book.current is not None, status.stuck_state != "none"
         alerts = active_alerts(
             self._state,
-            moving=self._book.current is not None,
-            stuck=self._status.stuck_state != "none",
-            jack_failed=self._jack.failed,
+            self._jack,
+            moving=moving,
+            stuck=stuck,
             map_trouble=self._maps.trouble,
             slipped=self._motion.load.slipped,
         )
-        self._reports.status(
-            ChassisStatus(
-                stamp=self._stamp,
-                control_mode=self._modes.control_mode,
-                emergency_stop=self._modes.emergency_stop,
-                driver_alive=not self._driver_fault,
-                alerts=alerts,
-            )
-        )
+        alive = not self._driver_fault
+        self._reports.status(chassis_status(self._stamp, self._modes, self._jack, alive, alerts))

@@ -9,7 +9,7 @@ import numpy as np
 
 from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS, Message
-from rackhand.schemas.chassis import ChassisFootprint, ChassisStatus, Costmap
+from rackhand.schemas.chassis import Alert, ChassisFootprint, ChassisStatus, Costmap
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import INTENT_MOVE_TYPES, Move, MoveEvent, PlannedPath, PlanningState
 from rackhand.schemas.racks import RackStates
@@ -17,7 +17,9 @@ from rackhand.schemas.topics import Topic
 from rackhand.services.planner.behaviors.base import Status
 from rackhand.services.planner.behaviors.running import RunningMove
 from rackhand.services.planner.geometry.footprint import Footprint, expanded
+from rackhand.services.planner.jacking import JackOrders
 from rackhand.services.planner.load import Load
+from rackhand.services.planner.modes import Modes
 from rackhand.services.planner.moves.book import target_of
 
 PERIOD_NS = NANOSECONDS // 5
@@ -160,6 +162,20 @@ def planning_state(
         viewport_blocked=status.viewport_blocked,
         flags=tuple(sorted(status.flags)),
         passed_points=status.passed_points,
+    )
+
+
+def chassis_status(
+    stamp: int, modes: Modes, jack: JackOrders, driver_alive: bool, alerts: tuple[Alert, ...]
+) -> ChassisStatus:
+    return ChassisStatus(
+        stamp=stamp,
+        control_mode=modes.control_mode,
+        emergency_stop=modes.emergency_stop,
+        driver_alive=driver_alive,
+        jack_checking=jack.checking,
+        jack_check=jack.check_state,
+        alerts=alerts,
     )
 
 

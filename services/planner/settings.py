@@ -189,6 +189,10 @@ class NavigationSettings:
     path_check_distance: float = 5.0
     stop_before_obstacle: float = 0.35
 
+    # given routes
+    route_join_distance: float = 5.0  # from the first point, within which a route may be begun
+    off_line_distance: float = 0.1  # off a given line, as after a push, from which on the chassis drives back to it
+
     # arrival
     position_tolerance: float = 0.012  # where the approach stops, if the goal's accuracy is not smaller
     yaw_tolerance: float = 0.012

@@ -6,6 +6,7 @@ clock. The braking guard checks what it returns.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -92,6 +93,14 @@ class Context:
     settings: NavigationSettings
     plans: PlanWorker
     avoidance: DynamicAvoidance
+
+    @property
+    def predicted(self) -> Pose:
+        """The pose at which a command given now takes effect."""
+        t, twist, pose = self.settings.actuation.latency, self.twist, self.pose
+        yaw = pose[2] + 0.5 * twist.angular * t
+        step = twist.linear * t
+        return np.array([pose[0] + step * math.cos(yaw), pose[1] + step * math.sin(yaw), pose[2] + twist.angular * t])
 
     def request_plan(self, request: PlanRequest) -> None:
         """Ask for a plan on the map and what is observed on it now; ``plans.collect()`` has the answer, a tick later at
