@@ -96,11 +96,12 @@ def objects_under(load: Load, seen: SeenScan, body: Footprint) -> Array:
     """Hits under the carried rack that are neither its legs nor the body, (n, 2) in the chassis frame."""
     if load.spec is None or load.rack_pose is None:
         return np.empty((0, 2))
-    points = seen.points[inside_convex(load.rack, seen.points)]
+    points: Array = seen.points[inside_convex(load.rack, seen.points)]
     legs = se2.transformed(np.array(load.rack_pose), leg_middles(load.spec))
     off_legs = np.hypot(*(points[:, None] - legs[None]).transpose(2, 0, 1)).min(axis=1) > LEG_REACH
     off_body = (points @ body.edges[:, :2].T > body.edges[:, 2] + BODY_REACH).any(axis=1)
-    return points[off_legs & off_body]
+    found: Array = points[off_legs & off_body]
+    return found
 
 
 def _around(points: Array, rack: Pose, spec: RackSpec) -> Array:
@@ -112,7 +113,7 @@ def _around(points: Array, rack: Pose, spec: RackSpec) -> Array:
 
 def _median(poses: deque[Pose] | list[Pose]) -> Pose:
     """Value by value; yaw about the first one's."""
-    rows = np.array(poses)
+    rows: Array = np.array(poses)
     rows[:, 2] = rows[0, 2] + np.array([se2.wrap(yaw - rows[0, 2]) for yaw in rows[:, 2]])
     middle: Pose = np.median(rows, axis=0)
     return middle
