@@ -50,12 +50,16 @@ class Imu(Message):
 
 
 class Jack(Message):
-    """The jack: progress 0 is down, 1 is up; weight in kg as its sensor reads it."""
+    """The jack: progress 0 is down, 1 is up; weight in kg as its sensor reads it.
+
+    ``stalled``: it has to move up, but what is on it is too heavy for its motor.
+    """
 
     stamp: Stamp
     state: Literal["unknown", "hold", "jacking_up", "jacking_down"]
     progress: Annotated[float, Field(ge=0, le=1)]
     weight: float
+    stalled: bool = False
 
 
 class Battery(Message):

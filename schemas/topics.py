@@ -130,7 +130,7 @@ CONTACTS = _chassis("chassis/contacts", chassis.Contacts, "driver", ("planner", 
 CHASSIS_MODEL = _chassis("chassis/model", chassis.ChassisModel, "driver", ("planner", "gateway", "viewer"), 0,
                          Qos.LATCHED, "footprint, limits, lidar, jack and charge contact")
 POSE = _chassis("chassis/pose", chassis.LocalisedPose, "localiser", ("planner", "gateway", "viewer"), 25, Qos.STREAM,
-                "localised pose in the map", ws.TrackedPose, ws.SlamState, ws.MatchedPoints)
+                "localised pose in the map", ws.TrackedPose, ws.SlamState, ws.MatchedPoints, ws_racks.LoadFrame)
 CHASSIS_STATUS = _chassis("chassis/status", chassis.ChassisStatus, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
                           "mode, stops, self-check of the jack, alerts", ws.WheelState, ws.ChassisState, ws.Alerts,
                           ws.JackState)

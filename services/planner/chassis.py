@@ -414,6 +414,7 @@ class Chassis:
         self._reports.path(self._stamp, self._status)
         self._reports.footprint(self._stamp, self._motion.footprint, self.parameters.values.footprint_expansion)
         self._reports.load(self._stamp, self._motion.load)
+        self._reports.detected_rack(self._status.detected_rack)
         moving, stuck = self._book.current is not None, status.stuck_state != "none"
         alerts = active_alerts(
             self._state,

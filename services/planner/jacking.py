@@ -79,6 +79,10 @@ class JackOrders:
             return "hold"
         if not allowed:
             return "hold"
+        if jack is not None and jack.stalled:
+            self.failed = f"the jack stalled at {jack.progress:.0%} of its stroke under {jack.weight:.0f} kg: too heavy"
+            self._order = None
+            return "hold"
         if order.started is None:
             order = self._order = _Order(order.direction, stamp)
         if order.started is not None and stamp - order.started > TIME_LIMIT_NS:

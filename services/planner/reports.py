@@ -12,7 +12,7 @@ from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.chassis import Alert, ChassisFootprint, ChassisStatus, Costmap
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import INTENT_MOVE_TYPES, Move, MoveEvent, PlannedPath, PlanningState
-from rackhand.schemas.racks import RackStates
+from rackhand.schemas.racks import DetectedRack, RackStates
 from rackhand.schemas.topics import Topic
 from rackhand.services.planner.behaviors.base import Status
 from rackhand.services.planner.behaviors.running import RunningMove
@@ -47,6 +47,7 @@ class Reports:
         self._footprint: tuple[Footprint, float] | None = None
         self._load: Load | None = None
         self._rack_states: RackStates | None = None
+        self._detected_rack: DetectedRack | None = None
 
     def take(self) -> list[Publication]:
         """All that is due now, in order; each once."""
@@ -121,6 +122,12 @@ class Reports:
         ):
             self._rack_states = remembered
             self._put(topics.MAP_RACK_STATES, remembered)
+
+    def detected_rack(self, found: DetectedRack | None) -> None:
+        """What was found in a scan, once."""
+        if found is not None and found is not self._detected_rack:
+            self._put(topics.DETECTED_RACK, found)
+        self._detected_rack = found
 
     def status(self, status: ChassisStatus) -> None:
         if self._status is None or _without(self._status) != _without(status):

@@ -10,7 +10,7 @@ import pytest
 from rackhand.schemas import topics
 from rackhand.schemas.chassis import ChassisStatus, ClearJackErrors, Jack, JackRequest, JackSelfCheck, SetEmergencyStop
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
-from rackhand.services.planner.jacking import TIME_LIMIT_NS
+from rackhand.services.planner.jacking import TIME_LIMIT_NS, JackOrders
 from tests.planner.fakes import STEP, Cell
 
 
@@ -148,3 +148,17 @@ def test_a_self_check_needs_the_jack_down_nothing_above_and_no_move(jack: Stroke
     cell.jack = Jack(stamp=0, state="hold", progress=0.0, weight=0.0)
     cell.tick()
     refused("under a rack; the jack must move freely")
+
+
+def test_a_jack_that_stalls_ends_its_order_and_says_under_what() -> None:
+    def at(progress: float, stalled: bool = False) -> Jack:
+        return Jack(stamp=0, state="hold", progress=progress, weight=345.2, stalled=stalled)
+
+    orders = JackOrders()
+    orders.request("up", at(0.0))
+    assert orders.command(at(0.3), 0, allowed=True) == "up" and orders.failed is None
+    assert orders.command(at(0.46, stalled=True), STEP, allowed=True) == "hold"
+    assert orders.active is None
+    assert orders.failed == "the jack stalled at 46% of its stroke under 345 kg: too heavy"
+    orders.request("down", at(0.46))
+    assert orders.command(at(0.46), 2 * STEP, allowed=True) == "down" and orders.failed is None
