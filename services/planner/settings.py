@@ -169,6 +169,7 @@ class NavigationSettings:
 
     # the global plan
     plan_margin: float = 0.035  # clearance of the footprint along a plan
+    path_margin: float = 0.015  # and of one that is driven: what the braking guard asks, to the accuracy of the cells
     ground_margin: float = 0.0  # clearance of the footprint at start and goal
     inflation_radius: float = 0.5  # beyond the inscribed circle; nearer costs more
     clearance_weight: float = 4.0
@@ -214,7 +215,6 @@ class NavigationSettings:
     improve_period: float = 3.0  # look for a better way this often
     improve_ratio: float = 0.8  # and take it when it is this much shorter
     stuck_after: float = 4.0
-    sealed_patience: float = 10.0  # at start, while observed obstacles block every path
     planning_timeout: float = 60.0
     move_timeout: float = 60.0
     rotate_timeout: float = 30.0

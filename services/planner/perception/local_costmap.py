@@ -47,7 +47,7 @@ class LocalCostmap:
         self.racks = RackTracker(static.geometry, settings)
         self.rack_points = RackPoints(static, settings)
         self._velocities: Array = np.empty((0, 2))
-        self._settings = settings
+        self._settings = self.settings = settings
         self._cells: Array = np.empty((0, 2))
         self._standing: Mask = static.blocked
         self._corner = (0, 0)

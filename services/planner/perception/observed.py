@@ -53,9 +53,12 @@ class Evidence(NamedTuple):
         mapped = near_blocked(static.occupied, match_distance / static.geometry.resolution)
         # Written, not np.zeros: memory that is touched first in a tick costs the tick its page faults. Of a large map
         # most is never seen, and is never given any memory.
-        empty = np.full if static.blocked.size <= WRITTEN_CELLS else lambda shape, _, dtype: np.zeros(shape, dtype)
-        counts = [empty(shape, 0, dtype=np.int32) for _ in range(4)]
-        return Evidence(static.geometry, mapped, empty(shape, 0, dtype=np.int8), *counts)
+        level, counts = np.zeros(shape, dtype=np.int8), [np.zeros(shape, dtype=np.int32) for _ in range(4)]
+        if level.size <= WRITTEN_CELLS:
+            level.fill(0)
+            for array in counts:
+                array.fill(0)
+        return Evidence(static.geometry, mapped, level, *counts)
 
 
 class Beams(NamedTuple):
@@ -71,12 +74,13 @@ class Beams(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """Hits of a scan in the map frame (n, 2); whether each is missing on the map (n,), and whether it is where nothing
-    was seen a moment ago (n,)."""
+    """Hits of a scan in the map frame (n, 2); whether each is missing on the map (n,), whether it is where nothing was
+    seen a moment ago (n,), and whether it is beside what has been in one place for a while (n,)."""
 
     points: Array
     unmapped: Flags
     fresh: Flags
+    steady: Flags
 
 
 class ObservedObstacles:
@@ -90,7 +94,7 @@ class ObservedObstacles:
         # Tiles with unmapped hits since they were last found empty.
         self._tiles = np.zeros([n // TILE + 1 for n in static.blocked.shape], dtype=np.bool_)
         self._scans = 0
-        self._hits = Hits(np.empty((0, 2)), np.empty(0, dtype=np.bool_), np.empty(0, dtype=np.bool_))
+        self._hits = Hits(np.empty((0, 2)), *(np.empty(0, dtype=np.bool_) for _ in range(3)))
 
     @property
     def points(self) -> Array:
@@ -107,6 +111,11 @@ class ObservedObstacles:
         """Whether each hit is where nothing was seen a moment ago, (n,)."""
         return self._hits.fresh
 
+    @property
+    def steady(self) -> Flags:
+        """Whether each hit is beside what has been in one place for a while, (n,)."""
+        return self._hits.steady
+
     def integrate(self, scan: Scan, chassis: Pose, body_edges: Array) -> None:
         """Take one scan, seen with the chassis at that map pose. Hits inside the body are its own parts."""
         self._scans += 1
@@ -116,9 +125,10 @@ class ObservedObstacles:
         )  # fmt: skip
         points = hit_points(beams, chassis, body_edges)
         expiry = self._scans + int(self._settings.forget_after / SCAN_PERIOD)
+        steady = beside_steady(self._evidence, points, self._scans)
         unmapped, fresh = mark_hits(self._evidence, points, self._scans, expiry)
         clear_rays(self._evidence, beams)
-        self._hits = Hits(points, unmapped, fresh)
+        self._hits = Hits(points, unmapped, fresh, steady)
         rows, columns = self._cells_of(points[unmapped])
         self._tiles[rows // TILE, columns // TILE] = True
 
@@ -195,6 +205,23 @@ def hit_points(beams: Beams, chassis: Pose, body_edges: Array) -> Array:
             points[n, 0], points[n, 1] = x, y
             n += 1
     return points[:n].copy()
+
+
+@compiled
+def beside_steady(evidence: Evidence, points: Array, serial: int) -> Flags:
+    """Whether each of the hits (n, 2) is in or beside a cell that was hit first more than ``FRESH`` scans ago and is an
+    obstacle since."""
+    g = evidence.geometry
+    steady = np.zeros(len(points), dtype=np.bool_)
+    for k in range(len(points)):
+        i = math.floor((points[k, 1] - g.y) / g.resolution)
+        j = math.floor((points[k, 0] - g.x) / g.resolution)
+        for a in range(max(i - 1, 0), min(i + 2, g.rows)):
+            for b in range(max(j - 1, 0), min(j + 2, g.columns)):
+                is_there = evidence.level[a, b] >= OCCUPIED and evidence.expires[a, b] > serial
+                if is_there and serial - evidence.first_hit[a, b] > FRESH:
+                    steady[k] = True
+    return steady
 
 
 @compiled

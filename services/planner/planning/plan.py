@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -232,6 +233,7 @@ class GlobalPlanner:
             text = f"a path exists for the inscribed radius {radius:.2f} m, none for the footprint"
             raise NoPathFound("footprint", text)
         rows, direction = search.path()
+        rows = dense(rows)
         start, last = ends.start, rows[-1, :3]
         first = Segment(_line(start[:2], rows[0, :2], start[2]), bool(rows[0, 3] < 0))
         rest = straight(last, ends.goal, direction < 0)
@@ -300,6 +302,20 @@ def _join(joined: list[Segment], segment: Segment) -> None:
 
 def _continues(last: Segment, following: Segment) -> bool:
     return abs(wrap(following.points[0, 2] - last.points[-1, 2])) <= SMALL_TURN
+
+
+def dense(rows: Array) -> Array:
+    """Lattice rows x, y, yaw, direction with points at most ``SPACING`` apart along each arc."""
+    parts = [rows[:1]]
+    for before, row in itertools.pairwise(rows):
+        length, turn = math.hypot(*(row[:2] - before[:2])), wrap(row[2] - before[2])
+        n = 1 if row[3] == 0.0 else max(1, math.ceil(length / SPACING))
+        share = np.arange(1, n + 1) / n
+        arc = np.array([lattice.along_arc(before[:3], row[3] * length * part, turn * part) for part in share])
+        arc[:, :2] += share[:, None] * (row[:2] - arc[-1, :2])
+        arc[-1] = row[:3]
+        parts.append(np.column_stack([arc, np.full(n, row[3])]))
+    return np.vstack(parts)
 
 
 def _segments(rows: Array) -> list[Segment]:

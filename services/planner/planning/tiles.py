@@ -32,6 +32,10 @@ class TiledClearance:
         """As ``DistanceGrid.clearance``."""
         return self._grid(pose[0], pose[1]).clearance(footprint, pose, enough)
 
+    def turn_clearance(self, footprint: Footprint, pose: Pose, turn: float, enough: float = 0.0) -> float:
+        """As ``DistanceGrid.turn_clearance``."""
+        return self._grid(pose[0], pose[1]).turn_clearance(footprint, pose, turn, enough)
+
     def _grid(self, x: float, y: float) -> DistanceGrid:
         """The distances about the tile of a point; about the nearest one for a point outside the map."""
         g, size = self._geometry, max(round(TILE / self._geometry.resolution), 1)

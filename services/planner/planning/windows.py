@@ -100,7 +100,8 @@ class LargePlanner:
         cells = self._blocked(everything)[: rows * k, : columns * k].reshape(rows, k, columns, k)
         coarse = Geometry(g.x, g.y, k * g.resolution, rows, columns)
         circle = _disc(self._footprint.inscribed)
-        for blocked in (cells.any(axis=(1, 3)), cells.all(axis=(1, 3))):
+        choices: tuple[Mask, Mask] = np.asarray(cells.any(axis=(1, 3))), np.asarray(cells.all(axis=(1, 3)))
+        for blocked in choices:
             for end in (start, target.pose):
                 _free_about(blocked, coarse, end)
             planner = GlobalPlanner(coarse, circle, self._settings)
@@ -151,7 +152,7 @@ def part(g: Geometry, window: Window) -> Geometry:
 
 
 def _size(window: Window) -> int:
-    return (window[0].stop - window[0].start) * (window[1].stop - window[1].start)
+    return int((window[0].stop - window[0].start) * (window[1].stop - window[1].start))
 
 
 def _free_about(blocked: Mask, g: Geometry, pose: Pose) -> None:
