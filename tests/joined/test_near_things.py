@@ -17,7 +17,7 @@ from tests.joined.world import JoinedWorld
 from tests.system.driving import no_go, square
 from tests.system.judge import distance, standard
 
-HALL = (-10.0, -6.0, 10.0, 6.0)
+HALL = (-10.5, -6.5, 10.5, 6.5)
 
 
 def wall(x0: float, y0: float, x1: float, y1: float) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def crate(driver: JoinedChassis, name: str, x: float, y: float, length: float, w
 
 @pytest.mark.parametrize(
     ("x", "y", "yaw"),
-    [(9.68, 0.0, -1.5708), (9.70, 1.0, 1.5708), (0.0, 5.69, 0.0), (9.58, 5.68, 0.0), (-9.58, -5.68, 0.0)],
+    [(9.66, 0.0, -1.5708), (9.68, 1.0, 1.5708), (0.0, 5.69, 0.0), (9.58, 5.68, 0.0), (-9.58, -5.68, 0.0)],
     ids=["9 cm beside a wall", "7 cm, the other way", "8 cm", "in a corner", "in a corner, tail to the wall"],
 )
 def test_where_it_can_be_parked_it_can_leave(x: float, y: float, yaw: float, driver: JoinedChassis) -> None:
