@@ -109,9 +109,9 @@ def test_a_full_area_is_512_and_with_a_place_free_again_the_next_job_works(tmp_p
 def test_points_that_cannot_be_seen_are_509(tmp_path: Path) -> None:
     with hall(tmp_path, cargo=CARGO, other=at("a")) as world:
         screen(world.chassis(), *POINTS["b"], 0.9)
+        crate(world.chassis(), "box", *POINTS["c"])
+        lift(world.chassis(), "cargo")
         driver = begin(world)
-        crate(driver, "box", *POINTS["c"])
-        lift(driver, "cargo")
         text = failed(driver.drive(UNLOAD), Reason.UNKNOWN_RACK_SPACE_STATE)
         assert "of 1 of 3 rack points" in text and text.endswith(": b")
 
