@@ -10,10 +10,11 @@ from rackhand.schemas.chassis import (
     ChassisCommand,
     ChassisModel,
     ChassisRequest,
-    ChassisStatus,
+    ClearJackErrors,
     Contacts,
     Done,
     JackRequest,
+    JackSelfCheck,
     Odometry,
     RemoteTwist,
     SetControlMode,
@@ -32,7 +33,7 @@ from rackhand.schemas.moves import (
     MoveRequest,
     PauseMove,
 )
-from rackhand.schemas.racks import RackSpec
+from rackhand.schemas.racks import RackSpec, RackStates
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.alerts import active_alerts
@@ -50,7 +51,7 @@ from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
 from rackhand.services.planner.parameters import Basis, ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState
-from rackhand.services.planner.reports import Publication, Reports, planning_state
+from rackhand.services.planner.reports import Publication, Reports, chassis_status, planning_state
 from rackhand.services.planner.settings import Limits
 
 PERIOD_NS = 40_000_000  # between commands
@@ -188,6 +189,7 @@ class Chassis:
         self._report()
         if self._reports.is_costmap_due(stamp):
             self._reports.costmap(stamp, self._motion.perception.costmap_message(stamp))
+            self._reports.rack_states(*self._rack_states())
         return ChassisCommand(answers=stamp, twist=self._commanded, jack=jack)
 
     def fail_internally(self, error: Exception) -> ChassisCommand:
@@ -342,18 +344,27 @@ class Chassis:
                     raise RequestRefused(RefusalCode.PRECONDITION, "a power cable is plugged into the chassis")
                 self._modes.take_remote_twist(twist, self._stamp)
             case JackRequest(direction=direction):
-                if self._book.current is not None:
-                    raise RequestRefused(
-                        RefusalCode.PRECONDITION,
-                        f"move {self._book.current.id} is running; the jack moves only while no move runs",
-                    )
-                if self._modes.emergency_stop:
-                    raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
+                self._check_may_jack()
                 detail = self._jack.request(direction, self._state.jack)
+            case JackSelfCheck():
+                self._check_may_jack()
+                self._motion.load.check_nothing_above()
+                detail = self._jack.check(self._state.jack)
+            case ClearJackErrors():
+                detail = self._jack.clear()
             case SetPose():
                 detail = self._set_pose()
         self._report()
         return Done(detail=detail)
+
+    def _check_may_jack(self) -> None:
+        if self._book.current is not None:
+            raise RequestRefused(
+                RefusalCode.PRECONDITION,
+                f"move {self._book.current.id} is running; the jack moves only while no move runs",
+            )
+        if self._modes.emergency_stop:
+            raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
 
     def _set_pose(self) -> str:
         """Clients give a first guess after they set a map. The localiser of this version finds the pose by itself."""
@@ -372,6 +383,14 @@ class Chassis:
         if self._unix_ns is None:
             raise RequestRefused(RefusalCode.UNAVAILABLE, "no clock was received: the chassis driver is not connected")
         return (self._unix_ns + self._stamp) // NANOSECONDS
+
+    def _rack_states(self) -> tuple[RackStates | None, RackStates | None]:
+        """What the last scans show of the rack points of the map, and what is known of them; None without a map."""
+        costmap, current = self._motion.perception.costmap, self._maps.current
+        if costmap is None or current is None:
+            return None, None
+        points = costmap.rack_points
+        return points.detected(self._stamp, current.uid), points.remembered(self._stamp, current.uid)
 
     # -- ends and reports --------------------------------------------------------------------------------------------
 
@@ -395,19 +414,15 @@ class Chassis:
         self._reports.path(self._stamp, self._status)
         self._reports.footprint(self._stamp, self._motion.footprint, self.parameters.values.footprint_expansion)
         self._reports.load(self._stamp, self._motion.load)
+        self._reports.detected_rack(self._status.detected_rack)
+        moving, stuck = self._book.current is not None, status.stuck_state != "none"
         alerts = active_alerts(
             self._state,
-            moving=self._book.current is not None,
-            stuck=self._status.stuck_state != "none",
-            jack_failed=self._jack.failed,
+            self._jack,
+            moving=moving,
+            stuck=stuck,
             map_trouble=self._maps.trouble,
+            slipped=self._motion.load.slipped,
         )
-        self._reports.status(
-            ChassisStatus(
-                stamp=self._stamp,
-                control_mode=self._modes.control_mode,
-                emergency_stop=self._modes.emergency_stop,
-                driver_alive=not self._driver_fault,
-                alerts=alerts,
-            )
-        )
+        alive = not self._driver_fault
+        self._reports.status(chassis_status(self._stamp, self._modes, self._jack, alive, alerts))

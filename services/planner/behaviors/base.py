@@ -6,7 +6,6 @@ clock. The braking guard checks what it returns.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -15,9 +14,10 @@ from numpy.typing import NDArray
 
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.moves import PlanningFlag, StuckState
+from rackhand.schemas.racks import DetectedRack
 from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
 from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.geometry.se2 import Pose, advanced
 from rackhand.services.planner.load import Load
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
@@ -56,6 +56,7 @@ class Status:
     ``target`` is None for a move that has an ``intent_target`` instead, the pose of a rack or a charger as it is known
     by now; without either the requested pose is shown. ``path``: rows x, y, yaw ahead in the map frame. ``plans``
     counts the paths taken so far; from the second on it is a replanned one. ``passed_points``: of a given route.
+    ``detected_rack``: what a search in the scan of this tick found; None without one.
     """
 
     target: Pose2 | None = None
@@ -68,6 +69,7 @@ class Status:
     plans: int = 0
     passed_points: int = 0
     flags: frozenset[PlanningFlag] = frozenset()
+    detected_rack: DetectedRack | None = None
 
 
 @dataclass(frozen=True)
@@ -97,10 +99,7 @@ class Context:
     @property
     def predicted(self) -> Pose:
         """The pose at which a command given now takes effect."""
-        t, twist, pose = self.settings.actuation.latency, self.twist, self.pose
-        yaw = pose[2] + 0.5 * twist.angular * t
-        step = twist.linear * t
-        return np.array([pose[0] + step * math.cos(yaw), pose[1] + step * math.sin(yaw), pose[2] + twist.angular * t])
+        return advanced(self.pose, self.twist, self.settings.actuation.latency)
 
     def request_plan(self, request: PlanRequest) -> None:
         """Ask for a plan on the map and what is observed on it now; ``plans.collect()`` has the answer, a tick later at

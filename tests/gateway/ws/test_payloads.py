@@ -194,6 +194,10 @@ def test_jack_state() -> None:
         "self_check_state": "no_error",
         "weight": 0.0,
     }
+    checking = messages.status(jack_checking=True, jack_check="up")
+    facts = Facts({topics.JACK: messages.jack("jacking_up", 0.5), topics.CHASSIS_STATUS: checking})
+    frame = fields(payloads.jack_state(facts))
+    assert (frame["self_checking"], frame["self_check_state"]) == (True, "up")
 
 
 def test_footprints_have_x_to_the_right_and_y_to_the_front() -> None:
