@@ -151,9 +151,9 @@ MOVE_EVENT = _chassis("moves/event", moves.MoveEvent, "planner", ("viewer",), 0,
                       "a move was created, replanned, blocked or has ended")
 DETECTED_RACK = _chassis("racks/detected", racks.DetectedRack, "planner", ("gateway", "viewer"), 0, Qos.STREAM,
                          "search for a rack in a scan; only while a search runs", ws_racks.DetectedRackFrame)
-DETECTED_RACK_STATES = _chassis("racks/detected_states", racks.RackStates, "planner", ("gateway", "viewer"), 0,
+DETECTED_RACK_STATES = _chassis("racks/detected_states", racks.RackStates, "planner", ("gateway",), 1,
                                 Qos.STREAM, "occupancy of the rack points in view", ws_racks.DetectedRackStates)
-MAP_RACK_STATES = _chassis("racks/states", racks.RackStates, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
+MAP_RACK_STATES = _chassis("racks/states", racks.RackStates, "planner", ("gateway", "viewer"), 1, Qos.LATCHED,
                            "occupancy of all rack points of the map, as last seen", ws_racks.MapRackStates)
 MAP = _chassis("map", maps.CurrentMap, "planner", ("gateway", "viewer"), 0, Qos.LATCHED, "map in use, with overlays",
                ws.MapFrame, ws.MapFileFrame, ws.MapInfo, ws.SlamState)

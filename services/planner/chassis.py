@@ -33,7 +33,7 @@ from rackhand.schemas.moves import (
     MoveRequest,
     PauseMove,
 )
-from rackhand.schemas.racks import RackSpec
+from rackhand.schemas.racks import RackSpec, RackStates
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.alerts import active_alerts
@@ -189,6 +189,7 @@ class Chassis:
         self._report()
         if self._reports.is_costmap_due(stamp):
             self._reports.costmap(stamp, self._motion.perception.costmap_message(stamp))
+            self._reports.rack_states(*self._rack_states())
         return ChassisCommand(answers=stamp, twist=self._commanded, jack=jack)
 
     def fail_internally(self, error: Exception) -> ChassisCommand:
@@ -383,6 +384,14 @@ class Chassis:
             raise RequestRefused(RefusalCode.UNAVAILABLE, "no clock was received: the chassis driver is not connected")
         return (self._unix_ns + self._stamp) // NANOSECONDS
 
+    def _rack_states(self) -> tuple[RackStates | None, RackStates | None]:
+        """What the last scans show of the rack points of the map, and what is known of them; None without a map."""
+        costmap, current = self._motion.perception.costmap, self._maps.current
+        if costmap is None or current is None:
+            return None, None
+        points = costmap.rack_points
+        return points.detected(self._stamp, current.uid), points.remembered(self._stamp, current.uid)
+
     # -- ends and reports --------------------------------------------------------------------------------------------
 
     def _fail(self, reason: MoveFailReason, text: str) -> None:
@@ -407,6 +416,13 @@ class Chassis:
         self._reports.load(self._stamp, self._motion.load)
         self._reports.detected_rack(self._status.detected_rack)
         moving, stuck = self._book.current is not None, status.stuck_state != "none"
-        alerts = active_alerts(self._state, self._jack, moving=moving, stuck=stuck, map_trouble=self._maps.trouble)
+        alerts = active_alerts(
+            self._state,
+            self._jack,
+            moving=moving,
+            stuck=stuck,
+            map_trouble=self._maps.trouble,
+            slipped=self._motion.load.slipped,
+        )
         alive = not self._driver_fault
         self._reports.status(chassis_status(self._stamp, self._modes, self._jack, alive, alerts))

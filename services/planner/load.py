@@ -40,15 +40,28 @@ class LoadState(StrEnum):
     DOCKED = "docked"
 
 
+class Slip(StrEnum):
+    """How far a carried rack has moved on the jack since it was lifted."""
+
+    NONE = "none"
+    SLIGHTLY = "slightly"
+    SIGNIFICANTLY = "significantly"
+
+
 class Load(BaseModel):
     """``rack_pose``: x, y, yaw of the rack's frame; in the chassis frame while carried, in the map frame while it is on
-    the floor. None where no rack is known, as then is ``spec``."""
+    the floor. None where no rack is known, as then is ``spec``.
+
+    ``lifted_pose``: of a carried rack when it was measured first, from which its movement counts; None before.
+    """
 
     model_config = ConfigDict(frozen=True)
 
     state: LoadState = LoadState.FREE
     spec: RackSpec | None = None
     rack_pose: tuple[float, float, float] | None = None
+    lifted_pose: tuple[float, float, float] | None = None
+    slipped: Slip = Slip.NONE
 
     @property
     def rack(self) -> Array:

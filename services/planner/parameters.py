@@ -181,7 +181,7 @@ class ParameterService:
         if limits is not None:
             self._basis = replace(self._basis, limits=limits)
         self.values = in_force(self._store.changes, self._basis)
-        self._motion.set_racks(self.values.rack_specs)
+        self._motion.set_racks(self.values.rack_specs, self.values.ignore_objects_under_rack)
         if limits is not None:
             self._motion.set_limits(commanded(self.values, limits, self._load), self._load)
 

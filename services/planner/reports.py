@@ -12,7 +12,7 @@ from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.chassis import Alert, ChassisFootprint, ChassisStatus, Costmap
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import INTENT_MOVE_TYPES, Move, MoveEvent, PlannedPath, PlanningState
-from rackhand.schemas.racks import DetectedRack
+from rackhand.schemas.racks import DetectedRack, RackStates
 from rackhand.schemas.topics import Topic
 from rackhand.services.planner.behaviors.base import Status
 from rackhand.services.planner.behaviors.running import RunningMove
@@ -46,6 +46,7 @@ class Reports:
         self._costmap_stamp: int | None = None
         self._footprint: tuple[Footprint, float] | None = None
         self._load: Load | None = None
+        self._rack_states: RackStates | None = None
         self._detected_rack: DetectedRack | None = None
 
     def take(self) -> list[Publication]:
@@ -111,6 +112,16 @@ class Reports:
         if load is not self._load:
             self._load = load
             self._put(topics.LOAD, load.report(stamp))
+
+    def rack_states(self, detected: RackStates | None, remembered: RackStates | None) -> None:
+        """At 1 Hz: what is detected of rack points now; all that is known of them where it has changed."""
+        if detected is not None:
+            self._put(topics.DETECTED_RACK_STATES, detected)
+        if remembered is not None and (
+            self._rack_states is None or _without(self._rack_states) != _without(remembered)
+        ):
+            self._rack_states = remembered
+            self._put(topics.MAP_RACK_STATES, remembered)
 
     def detected_rack(self, found: DetectedRack | None) -> None:
         """What was found in a scan, once."""

@@ -142,6 +142,12 @@ class NavigationSettings:
     rack_range: float = 5.0  # m from the lidar, within which the scan shows racks and free rack points
     rack_memory: float = 1800.0  # s after it was seen last, when a rack or the state of a rack point is forgotten
 
+    ignore_objects_under_rack: bool = True  # else a move with a rack is held while something is under it
+    rack_moved_slightly: float = 0.03  # m on the jack since it was lifted: a warning
+    rack_turned_slightly: float = math.radians(2.0)
+    rack_moved_far: float = 0.06  # m: the move fails
+    rack_turned_far: float = math.radians(4.0)
+
     # setting a rack down
     rack_point_radius: float = 0.3  # a request within this distance of a rack point means that point
     unload_accuracy: float = 0.02  # of the chassis' position

@@ -182,6 +182,7 @@ class ToUnloadPoint:
         self._chosen = target
         self._begun = False
         self._goal: Pose = np.zeros(3)
+        self._rack_pose: tuple[float, float, float] | None = None
         self._occupied_since: int | None = None
         self._status = Status()
 
@@ -194,7 +195,8 @@ class ToUnloadPoint:
         self._begun = True
 
     def _plan(self, ctx: Context) -> None:
-        """Begin (anew) to drive to where the chassis must be."""
+        """Begin to drive to where the chassis must be; anew where the rack has moved on the jack."""
+        self._rack_pose = ctx.load.rack_pose
         self._goal = reachable_goal(ctx, self._target)
         x, y, yaw = self._goal.tolist()
         self._drive = DriveToPose(Goal(x, y, yaw, ctx.settings.unload_accuracy))
@@ -204,6 +206,8 @@ class ToUnloadPoint:
     def step(self, ctx: Context) -> Drive | Done:
         if not self._begun:
             self._begin(ctx)
+        elif ctx.load.rack_pose != self._rack_pose:
+            self._plan(ctx)
         occupied = self._watch(ctx)
         try:
             outcome = self._drive.step(self._inner(ctx))
