@@ -177,8 +177,7 @@ MOTION_SESSION = _arm("motion/session", motion.SessionGone, "gateway", ("control
                       "the connection of a client was closed")
 
 LIFT_STATE = Topic("lift/state", "rackhand/{robot}/lift/state", "lift", lift.LiftState, "driver",
-                   ("planner", "gateway", "viewer"), 5, Qos.LATCHED,
-                   "floor, doors, who has the lift; at once on change of any of them")
+                   ("planner", "gateway", "viewer"), 5, Qos.STREAM, "floor, doors, who has the lift")
 LIFT_MODEL = Topic("lift/model", "rackhand/{robot}/lift/model", "lift", lift.LiftModel, "driver",
                    ("planner", "gateway", "viewer"), 0, Qos.LATCHED, "floors, cabin and door of a lift")
 
