@@ -90,6 +90,10 @@ class JoinedChassis:
     def cancel(self, move_id: int | None = None) -> Move:
         return self.core.moves(MoveRequest(request=CancelMove(id=move_id))).moves[0]
 
+    def change(self, request: Any) -> Move:
+        """One of the requests about moves, as to pause the running one."""
+        return self.core.moves(MoveRequest(request=request)).moves[0]
+
     def finish(self, move_id: int, within: float = 240.0) -> Move:
         """Let time pass until that move has ended."""
         what = f"move {move_id} ends: {self.move(move_id)}"

@@ -9,8 +9,8 @@ from rackhand.schemas.moves import MoveCreate
 from rackhand.services.planner.behaviors import (
     align_with_rack,
     along_given_route,
+    approach,
     deprecated,
-    drive_to_pose,
     to_unload_point,
 )
 from rackhand.services.planner.behaviors.base import Behavior
@@ -20,8 +20,8 @@ Factory = Callable[[MoveCreate], Behavior]
 Registry = Mapping[str, Factory]
 
 BEHAVIORS: Registry = {
-    "none": drive_to_pose.for_request,
-    "standard": drive_to_pose.for_request,
+    "none": approach.for_request,
+    "standard": approach.for_request,
     "align_with_rack": align_with_rack.for_request,
     "to_unload_point": to_unload_point.for_request,
     "along_given_route": along_given_route.for_request,
