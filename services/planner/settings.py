@@ -154,6 +154,8 @@ class NavigationSettings:
     unload_position_tolerance: float = 0.006  # where the approach stops
     unload_yaw_tolerance: float = 0.005
     unload_patience: float = 15.0  # while something is where the rack would be
+    area_patience: float = 4.0  # the same, where the next point of an area can be taken instead
+    rack_state_fresh: float = 120.0  # since a rack point was seen, after which an area's move looks at it again
 
     # the map
     slow_zone_velocity: float = 0.4
