@@ -10,6 +10,7 @@ Why such a move fails beside the reasons of a standard move for a start (3, 5) a
 ==== ========================== =======================================================================================
   #  reason                     raised
 ==== ========================== =======================================================================================
+500  invalid_rack_detection_pos at start: ``properties.rack_layer`` is no level of the area that the point is in
 503  unload_point_occupied      for ``unload_patience`` the scan shows something where the rack would be, while the
                                 chassis waits for it in front of the place
 504  unload_point_unreachable   the rack would overlap what is not traversable or leave the map; or a standard move to
@@ -29,6 +30,7 @@ from rackhand.schemas.base import NANOSECONDS, Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import PointType
 from rackhand.schemas.moves import MoveCreate
+from rackhand.services.planner.behaviors.align_with_rack import checked_layer
 from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose
 from rackhand.services.planner.control.goal_checker import is_still
@@ -85,6 +87,8 @@ def target_of(request: MoveCreate, overlays: MapOverlays, radius: float) -> Unlo
         text = "to_unload_point needs target_x and target_y, or rack_area_id"
         raise MoveFailed(MoveFailReason.UNLOAD_POINT_UNREACHABLE, text)
     point = overlays.nearest_point(PointType.RACK, request.target_x, request.target_y, radius)
+    if point is not None:
+        checked_layer(request.properties.get("rack_layer"), point, overlays)
     yaw = request.target_ori
     if yaw is None and point is not None:
         yaw = point.yaw
