@@ -130,7 +130,7 @@ class NavigationSettings:
     """Distances in metres, angles in radians, times in seconds of simulation time."""
 
     control: Limits = field(default_factory=Limits)
-    own: Limits = field(default_factory=Limits)  # what the chassis can; a stop that protects it uses all of that
+    own: Limits = field(default_factory=Limits)  # what it can, with its load; a stop that protects it uses all of that
     caps: SpeedCaps = field(default_factory=SpeedCaps)
     actuation: Actuation = field(default_factory=lambda: Actuation(latency=0.04, lag=0.1))
     noise: PoseNoise = field(default_factory=PoseNoise)
