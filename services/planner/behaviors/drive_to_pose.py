@@ -33,7 +33,7 @@ import numpy as np
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
-from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
+from rackhand.services.planner.behaviors.base import Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.plan_keeper import PlanKeeper, ahead_of
 from rackhand.services.planner.control import driving
 from rackhand.services.planner.control.goal_checker import GoalChecker, is_still
@@ -49,16 +49,15 @@ from rackhand.services.planner.planning.plan import NOWHERE
 NO_FIELD = CostField(np.empty((0, 0), dtype=np.float32), NOWHERE)
 
 
-def for_request(request: MoveCreate) -> Behavior:
-    return DriveToPose(
-        Goal(
-            x=request.target_x,
-            y=request.target_y,
-            yaw=request.target_ori,
-            accuracy=request.target_accuracy or Goal.accuracy,  # clients send 0 for "as usual"
-            zone=bool(request.use_target_zone),
-            rotate_in_place=request.properties.get("inplace_rotate") is True,
-        )
+def goal_of(request: MoveCreate) -> Goal:
+    """The goal of a ``standard`` move."""
+    return Goal(
+        x=request.target_x,
+        y=request.target_y,
+        yaw=request.target_ori,
+        accuracy=request.target_accuracy or Goal.accuracy,  # clients send 0 for "as usual"
+        zone=bool(request.use_target_zone),
+        rotate_in_place=request.properties.get("inplace_rotate") is True,
     )
 
 

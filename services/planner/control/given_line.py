@@ -22,11 +22,13 @@ SLOWEST_ASSUMED = 0.3  # m/s; at rest, whether to wait is decided for this speed
 
 
 class GivenLine:
-    """One tracker a leg of the route, in order."""
+    """One tracker a leg of the route, in order. ``rows``: x, y, yaw of all legs."""
 
     def __init__(self, route: GivenRoute) -> None:
         self.route = route
         self.trackers = [LineTracker(leg) for leg in legs_of(route)]
+        self.rows = np.vstack([tracker.leg.rows for tracker in self.trackers])
+        self._first_rows = np.cumsum([0, *(len(tracker.leg.rows) for tracker in self.trackers[:-1])])
         self._lengths = [tracker.tracker.segment.length for tracker in self.trackers]
         self._at = 0
 
@@ -44,16 +46,9 @@ class GivenLine:
         return int(self.current.leg.passed[self.current.tracker.index])
 
     @property
-    def place(self) -> Pose:
-        """The row x, y, yaw of the line that the chassis has got to."""
-        row: Pose = self.current.leg.rows[self.current.tracker.index]
-        return row
-
-    @property
-    def end(self) -> Pose:
-        """The last row of the line."""
-        row: Pose = self.trackers[-1].leg.rows[-1]
-        return row
+    def row(self) -> int:
+        """The index of ``rows`` that the chassis has got to."""
+        return int(self._first_rows[self._at]) + self.current.tracker.index
 
     def update(self, pose: Pose) -> None:
         self.current.tracker.update(pose)
@@ -72,21 +67,19 @@ class GivenLine:
 
     def ahead(self) -> Array:
         """Rows x, y, yaw from here on."""
-        first = self.current.leg.rows[self.current.tracker.index :]
-        return np.vstack([first, *(tracker.leg.rows for tracker in self.trackers[self._at + 1 :])])
+        ahead: Array = self.rows[self.row :]
+        return ahead
 
-    def seek(self, rows: int) -> None:
-        """Go on from so many rows of ``ahead`` further on."""
-        while not self.is_last and rows >= (left := len(self.current.leg.rows) - self.current.tracker.index):
-            rows -= left
-            self._at += 1
-        tracker = self.current.tracker
-        tracker.index = min(tracker.index + rows, len(self.current.leg.rows) - 1)
+    def seek(self, row: int) -> None:
+        """Go on from this index of ``rows``."""
+        self._at = int(np.searchsorted(self._first_rows, row, side="right")) - 1
+        self.current.tracker.index = row - int(self._first_rows[self._at])
 
     def free_distance(self, costmap: LocalCostmap, footprint: Footprint, reach: float) -> tuple[float, int]:
-        """Metres of line ahead along which the footprint is free (infinite if all of ``reach`` is), and the row of
-        ``ahead`` at which it is not."""
-        return free_ahead(costmap, footprint, self.ahead(), reach)
+        """Metres of line ahead along which the footprint is free (infinite if all of ``reach`` is), and the index of
+        ``rows`` at which it is not."""
+        free, index = free_ahead(costmap, footprint, self.ahead(), reach)
+        return free, self.row + index
 
 
 def must_wait(pose: Pose, twist: Twist2, ahead: Array, costmap: LocalCostmap, footprint: Footprint) -> bool:

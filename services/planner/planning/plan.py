@@ -16,6 +16,7 @@ from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
 from rackhand.services.planner.planning import lattice, shaping
+from rackhand.services.planner.planning.corridor import Corridor
 from rackhand.services.planner.planning.cost_to_go import cost_to_go
 from rackhand.services.planner.planning.distance_grid import DistanceGrid, clearance, turn_clearance
 from rackhand.services.planner.planning.field import Field, Mask
@@ -122,25 +123,28 @@ class GlobalPlanner:
             except StopIteration as found:
                 return cast(Plan, found.value)
 
-    def search(self, start: Pose, target: Target, blocked: Mask, tight: bool = False) -> Search:
+    def search(
+        self, start: Pose, target: Target, blocked: Mask, tight: bool = False, corridor: Corridor | None = None
+    ) -> Search:
         """Search in slices: yields while it is not done, returns the plan, raises ``NoPathFound``.
 
         ``blocked``: cells (rows, columns) that no part of the footprint may touch. ``tight``: skip the path of the
-        inscribed circle, search with the footprint at once.
+        inscribed circle, search with the footprint at once. ``corridor``: what the chassis' origin must not leave.
         """
         grid = DistanceGrid.of(blocked, self._geometry)
+        room = grid if corridor is None else corridor.narrowed(grid, self._footprint.inscribed)
         row, column = self._geometry.cell(target.x, target.y)
         if not self._geometry.contains(target.x, target.y):
             raise NoPathFound("disconnected", f"the goal ({target.x:.2f}, {target.y:.2f}) is outside the map")
         budget = self._settings.max_expansions
         here = self._index(start)
         reach = self._nearest_start() / self._geometry.resolution
-        cost, toward, expanded = cost_to_go(grid, row, column, self._inflation, budget, here, reach, SLACK)
+        cost, toward, expanded = cost_to_go(room, row, column, self._inflation, budget, here, reach, SLACK)
         if expanded >= budget:
             raise NoPathFound("budget", f"search ended after {expanded} cells, the most that max_expansions allows")
         yield
         ends = self._ends(grid, start, target)
-        direct = self._direct(grid, ends)
+        direct = self._direct(grid, ends) if corridor is None else None
         if direct is not None:
             return Plan((direct,), cost, self._geometry, start_cost=direct.length)
         first = self._start_cell(cost, start)
@@ -148,13 +152,16 @@ class GlobalPlanner:
             raise NoPathFound("disconnected", f"no path for the inscribed radius {self._footprint.inscribed:.2f} m")
         start_cost = float(cost.reshape(-1)[first])
         if not tight:
-            segments = self._of_inscribed_circle(grid, toward, first, ends, target.rotate_in_place)
+            segments = self._of_inscribed_circle(room, toward, first, ends, target.rotate_in_place)
             if self._fits(grid, segments, ends):
                 return Plan(segments, cost, self._geometry, start_cost=start_cost)
-        everywhere = cost_to_go(grid, row, column, self._inflation, budget, -1, 0.0, 0.0)[0]
+        everywhere = cost_to_go(room, row, column, self._inflation, budget, -1, 0.0, 0.0)[0]
         yield
         plan = yield from self._of_footprint(grid, everywhere, ends)
-        return replace(plan, geometry=self._geometry, start_cost=start_cost)
+        plan = replace(plan, geometry=self._geometry, start_cost=start_cost)
+        if corridor is None:
+            return plan
+        return replace(plan, segments=tuple(replace(one, points=corridor.kept(one.points)) for one in plan.segments))
 
     def _nearest_start(self) -> float:
         return max(NEAREST_START, self._geometry.resolution)

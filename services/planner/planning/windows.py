@@ -21,10 +21,12 @@ from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.map.grid import Mask
+from rackhand.services.planner.planning.corridor import Corridor
 from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Search, Segment, Target
 from rackhand.services.planner.settings import NavigationSettings
 
 MARGINS = (8.0, 30.0)  # m about start and goal; then the whole map
+CORRIDOR_MARGIN = 2.0  # m about what a footprint in a corridor may cover
 LARGEST = 9_000_000  # cells that are searched at once: about 2 s
 COARSE_CELLS = 2_000_000
 HORIZON = 40.0  # m of guide from the start, up to which a plan is made in the map's own cells
@@ -47,10 +49,14 @@ class LargePlanner:
         self._geometry, self._static, self._observed = geometry, static, observed
         self._footprint, self._settings = footprint, settings
 
-    def search(self, start: Pose, target: Target, tight: bool = False) -> Search:
+    def search(self, start: Pose, target: Target, tight: bool = False, corridor: Corridor | None = None) -> Search:
         """Search in slices, as ``GlobalPlanner.search``."""
         if not self._geometry.contains(target.x, target.y):
             raise NoPathFound("disconnected", f"the goal ({target.x:.2f}, {target.y:.2f}) is outside the map")
+        if corridor is not None:
+            window = self._around(corridor, start, target)
+            planner = GlobalPlanner(part(self._geometry, window), self._footprint, self._settings)
+            return (yield from planner.search(start, target, self._blocked(window), tight, corridor))
         for window in windows(self._geometry, start, target):
             whole = _size(window) == self._static.size
             if _size(window) > LARGEST:
@@ -64,6 +70,13 @@ class LargePlanner:
             if whole or plan.start_cost <= way_out(self._geometry, window, start, target):
                 return plan
         raise AssertionError("the last window is the whole map")
+
+    def _around(self, corridor: Corridor, start: Pose, target: Target) -> Window:
+        """The window that holds a corridor, and what the footprint covers beside it."""
+        ends = np.vstack([corridor.line, start[None, :2], target.pose[None, :2]])
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        margin = corridor.width + self._footprint.circumscribed + CORRIDOR_MARGIN
+        return about(self._geometry, np.array([*low, 0.0]), Target(*high.tolist(), None), margin)
 
     def _in(self, window: Window, start: Pose, target: Target, tight: bool) -> Search:
         geometry = part(self._geometry, window)

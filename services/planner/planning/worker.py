@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.map.grid import StaticMap
+from rackhand.services.planner.planning.corridor import Corridor
 from rackhand.services.planner.planning.plan import NoPathFound, Plan, Target
 from rackhand.services.planner.planning.windows import LargePlanner
 from rackhand.services.planner.settings import NavigationSettings
@@ -25,12 +26,16 @@ from rackhand.services.planner.settings import NavigationSettings
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """``static_only``: leave out observed obstacles. ``tight``: search with the footprint at once."""
+    """``static_only``: leave out observed obstacles. ``tight``: search with the footprint at once. ``corridor``: what
+    the chassis' origin must not leave. ``clear_around``: metres about the target within which observed obstacles are
+    left out, because they are the target itself."""
 
     start: Pose
     target: Target
     static_only: bool = False
     tight: bool = False
+    corridor: Corridor | None = None
+    clear_around: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -45,10 +50,16 @@ class PlanningScene:
     footprint: Footprint
     settings: NavigationSettings
 
-    def planner(self, static_only: bool) -> LargePlanner:
-        """On all cells that must be avoided, or those of the map alone."""
-        observed = self.observed[:0] if static_only else self.observed
+    def planner(self, request: PlanRequest) -> LargePlanner:
+        """On all cells that must be avoided."""
+        observed = self.avoided(request)
         return LargePlanner(self.static.geometry, self.static.blocked, observed, self.footprint, self.settings)
+
+    def avoided(self, request: PlanRequest) -> NDArray[np.int64]:
+        """Flat indices of the cells with an observed obstacle that must be avoided."""
+        observed, g = self.observed, self.static.geometry
+        if request.static_only:
+            return observed[:0]
 
 
 @dataclass(frozen=True)
@@ -109,7 +120,8 @@ class PlanWorker:
 
 
 def _plan(request: PlanRequest, scene: PlanningScene, cancelled: Event) -> Plan:
-    steps = scene.planner(request.static_only).search(request.start, request.target, request.tight)
+    planner = scene.planner(request)
+    steps = planner.search(request.start, request.target, request.tight, request.corridor)
     while not cancelled.is_set():
         try:
             next(steps)

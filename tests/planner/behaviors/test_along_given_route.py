@@ -227,3 +227,47 @@ def test_a_corner_without_room_to_turn_fails_before_a_wheel_turns(begin: Begin) 
     route = np.array([(2.0, 4.0), (6.0, 4.0), (2.0, 4.0)])
     start(robot, route)
     assert "cannot turn by 180° at point 2" in fails_before_moving(robot, Reason.CALCULATION_FAILED)
+
+
+def goes_round(ticks: list[tuple[int, float, Told]], tolerance: float) -> None:
+    assert ticks[-1][2].arrived
+    off = [off for points, off, _ in ticks if points]
+    assert 0.3 < max(off) <= tolerance
+    assert any(told.replanned or told.remaining_distance > 0 for _, _, told in ticks)
+
+
+def test_with_a_tolerance_it_goes_round_a_crate_and_back_onto_the_line(begin: Begin) -> None:
+    route = np.array([(2.0, 4.0), (12.0, 4.0)])
+    robot, plant = begin(Hall(14, 8), crates=(box(6.0, 4.0, 0.5, 0.5),))
+    start(robot, route, detour_tolerance=0.6)
+    ticks: list[tuple[int, float, Told]] = []
+    places: list[tuple[float, float]] = []
+    while not (ticks and ticks[-1][2].arrived):
+        told = robot.tick()
+        plant.drive(told.twist)
+        ticks.append((passed(robot), off_line(route, plant.pose[:2]), told))
+        places.append((plant.pose[0], plant.pose[1]))
+        assert plant.seconds < 90
+    goes_round(ticks, 0.6)
+    assert plant.contacts == []
+    behind = [abs(y - 4.0) for x, y in places if x > 6.25 + 2.0]
+    assert max(behind) < 0.05, "back on the line within 2 m"
+
+
+def test_a_tolerance_that_is_too_small_waits_and_fails_in_the_end(begin: Begin) -> None:
+    settings = NavigationSettings(planning_timeout=8.0)
+    robot, plant = begin(Hall(10, 8), settings=settings, crates=(box(5.0, 4.0, 0.5, 0.8),))
+    start(robot, STRAIGHT, detour_tolerance=0.5)
+    with pytest.raises(MoveFailed, match=r"no way round for 8 s within detour_tolerance 0\.50 m") as failed:
+        drive(robot, STRAIGHT, 40)
+    assert failed.value.reason is Reason.PLANNING_TIMEOUT
+    assert off_line(STRAIGHT, plant.pose[:2]) < 0.05 and plant.contacts == []
+
+
+def test_a_crate_on_a_corner_is_gone_round(begin: Begin) -> None:
+    route = np.array([(2.0, 3.0), (7.0, 3.0), (7.0, 8.0)])
+    robot, plant = begin(Hall(10, 10), pose=(1.5, 3.0, 0.0), crates=(box(7.0, 3.0, 0.4, 0.4),))
+    start(robot, route, detour_tolerance=0.9)
+    ticks = drive(robot, route, 90)
+    goes_round(ticks, 0.9)
+    assert plant.contacts == [] and ticks[-1][0] == 3
