@@ -76,7 +76,7 @@ class LargePlanner:
         ends = np.vstack([corridor.line, start[None, :2], target.pose[None, :2]])
         low, high = ends.min(axis=0), ends.max(axis=0)
         margin = corridor.width + self._footprint.circumscribed + CORRIDOR_MARGIN
-        return about(self._geometry, np.array([*low, 0.0]), Target(*high.tolist(), None), margin)
+        return about(self._geometry, np.array([*low, 0.0]), Target(float(high[0]), float(high[1]), None), margin)
 
     def _in(self, window: Window, start: Pose, target: Target, tight: bool) -> Search:
         geometry = part(self._geometry, window)

@@ -60,6 +60,11 @@ class PlanningScene:
         observed, g = self.observed, self.static.geometry
         if request.static_only:
             return observed[:0]
+        if request.clear_around:
+            x = g.x + (observed % g.columns + 0.5) * g.resolution - request.target.x
+            y = g.y + (observed // g.columns + 0.5) * g.resolution - request.target.y
+            observed = observed[np.hypot(x, y) > request.clear_around]
+        return observed
 
 
 @dataclass(frozen=True)
