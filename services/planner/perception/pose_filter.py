@@ -50,6 +50,11 @@ class PoseFilter:
         """(3, 3) of x, y, yaw in m and rad: symmetric and positive."""
         return self._covariance
 
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the newest localised poses are far from the estimate: one of both is wrong."""
+        return self._jumps > 0
+
     def update(self, seen: Observation) -> None:
         if self._odometry and seen.stamp < self._odometry[-1][0]:
             self._restart()
