@@ -11,6 +11,7 @@ from rackhand.services.planner.behaviors import (
     along_given_route,
     approach,
     deprecated,
+    follow_target,
     to_unload_point,
 )
 from rackhand.services.planner.behaviors.base import Behavior
@@ -25,6 +26,7 @@ BEHAVIORS: Registry = {
     "align_with_rack": align_with_rack.for_request,
     "to_unload_point": to_unload_point.for_request,
     "along_given_route": along_given_route.for_request,
+    "follow_target": follow_target.for_request,
     "leave_elevator": deprecated.for_request,
     "pull_over": deprecated.for_request,
     "parking": deprecated.for_request,
