@@ -51,8 +51,17 @@ class JoinedChassis:
             maps.import_directory(read_map_directory(floor), select=False)
         self._stored = maps.current
         self._planning = ThreadPoolExecutor(1, thread_name_prefix="plan")
+        self.core = self._new_core(moves, maps)
+
+    def _new_core(self, moves: MoveStore, maps: MapStore) -> Chassis:
         motion = Motion(NavigationSettings(), self._planning)
-        self.core = Chassis(motion, moves, maps, ParameterStore(self._database), load=LoadStore(self._database))
+        return Chassis(motion, moves, maps, ParameterStore(self._database), load=LoadStore(self._database))
+
+    def restart(self) -> None:
+        """The planner is restarted: all that it knows is what is in its store. It uses the map of the world."""
+        self.core = self._new_core(MoveStore(self._database), MapStore(self._database))
+        self.core.on_clock(self.world.session.clock)
+        self.begin()
 
     def close(self) -> None:
         self._planning.shutdown()
