@@ -16,6 +16,7 @@ from rackhand.services.planner.behaviors.registry import BEHAVIORS, Registry
 from rackhand.services.planner.behaviors.running import PATIENCE_NS, RunningMove
 from rackhand.services.planner.control.braking_guard import BrakingGuard
 from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
+from rackhand.services.planner.control.load_limits import load_limits
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.footprint import Footprint
@@ -41,6 +42,7 @@ class Motion:
         self._configured = self.settings = settings
         self._registry = registry
         self._patience_ns = patience_ns
+        self._unloaded = settings.own
         self._body: Footprint | None = None
         self.load = Load()
         self.load_changed = False
@@ -56,18 +58,23 @@ class Motion:
     def set_model(self, model: ChassisModel) -> None:
         """Move this chassis from now on, within its limits."""
         self.settings = self._configured.for_chassis(model)
+        self._unloaded = self.settings.own
         self._avoidance = DynamicAvoidance(self.settings)
         self.set_body(Footprint.of(model.footprint))
 
     @property
     def own_limits(self) -> Limits | None:
-        """What the chassis can do, within the operator's caps; None before ``set_model``."""
-        return None if self._body is None else self.settings.own
+        """What the chassis can do without a load, within the operator's caps; None before ``set_model``."""
+        return None if self._body is None else self._unloaded
 
-    def set_limits(self, limits: Limits) -> None:
-        """Command no more than this from the next tick on, also of the running move; ``set_model`` ends it."""
-        self.settings = self.settings.commanding(limits)
-        self._avoidance.set_limits(limits)
+    def set_limits(self, limits: Limits, load: float = 0.0) -> None:
+        """Command no more than this from the next tick on, also of the running move; ``set_model`` ends it.
+
+        ``load``: the share (0 to 1) of the greatest load that is on the jack; it limits stops, too.
+        """
+        own = load_limits(self._unloaded, load)
+        self.settings = replace(self.settings, own=own).commanding(limits.within(own))
+        self._avoidance.set_limits(self.settings.control)
 
     def set_racks(self, specs: tuple[RackSpec, ...], ignore_objects_under_rack: bool) -> None:
         """The kinds of racks that may be carried, from the next move on; and whether what is under a carried one holds

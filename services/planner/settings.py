@@ -130,7 +130,7 @@ class NavigationSettings:
     """Distances in metres, angles in radians, times in seconds of simulation time."""
 
     control: Limits = field(default_factory=Limits)
-    own: Limits = field(default_factory=Limits)  # what the chassis can; a stop that protects it uses all of that
+    own: Limits = field(default_factory=Limits)  # what it can, with its load; a stop that protects it uses all of that
     caps: SpeedCaps = field(default_factory=SpeedCaps)
     actuation: Actuation = field(default_factory=lambda: Actuation(latency=0.04, lag=0.1))
     noise: PoseNoise = field(default_factory=PoseNoise)
@@ -154,6 +154,8 @@ class NavigationSettings:
     unload_position_tolerance: float = 0.006  # where the approach stops
     unload_yaw_tolerance: float = 0.005
     unload_patience: float = 15.0  # while something is where the rack would be
+    area_patience: float = 4.0  # the same, where the next point of an area can be taken instead
+    rack_state_fresh: float = 120.0  # since a rack point was seen, after which an area's move looks at it again
 
     # the map
     slow_zone_velocity: float = 0.4

@@ -17,7 +17,7 @@ from rackhand.schemas.world import Clock
 from rackhand.services.planner.chassis import PERIOD_NS, Chassis
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.load import LoadStore
-from rackhand.services.planner.map.directory import read_map_directory
+from rackhand.services.planner.map.directory import floor_directories, read_map_directory
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.records import MoveStore
@@ -45,11 +45,23 @@ class JoinedChassis:
         self.odometry: list[Odometry] = []
         self._database = Database(folder / f"{name}.sqlite", name)
         moves, maps = MoveStore(self._database), MapStore(self._database)
-        maps.import_directory(read_map_directory(world_directory(world.session.simulation.world.name)))
+        directory = world_directory(world.session.simulation.world.name)
+        maps.import_directory(read_map_directory(directory))
+        for floor in floor_directories(directory):
+            maps.import_directory(read_map_directory(floor), select=False)
         self._stored = maps.current
         self._planning = ThreadPoolExecutor(1, thread_name_prefix="plan")
+        self.core = self._new_core(moves, maps)
+
+    def _new_core(self, moves: MoveStore, maps: MapStore) -> Chassis:
         motion = Motion(NavigationSettings(), self._planning)
-        self.core = Chassis(motion, moves, maps, ParameterStore(self._database), load=LoadStore(self._database))
+        return Chassis(motion, moves, maps, ParameterStore(self._database), load=LoadStore(self._database))
+
+    def restart(self) -> None:
+        """The planner is restarted: all that it knows is what is in its store. It uses the map of the world."""
+        self.core = self._new_core(MoveStore(self._database), MapStore(self._database))
+        self.core.on_clock(self.world.session.clock)
+        self.begin()
 
     def close(self) -> None:
         self._planning.shutdown()

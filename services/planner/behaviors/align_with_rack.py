@@ -45,6 +45,7 @@ from rackhand.services.planner.perception.seen_scan import SeenScan
 
 RETRIES = 2
 MOST_OFF, MOST_TURNED = 0.2, math.radians(15)  # of a rack off its point
+SAME_RACK = 0.1  # m more, by which a rack above the chassis is off, to be the one at the point
 SPEED = 0.4  # m/s under the rack
 STAGING = (0.45, 0.3, 0.7)  # m between the front of the chassis and the rack
 BESIDE_LEGS = 0.06  # m beside the legs: hits nearer to them are theirs
@@ -145,6 +146,14 @@ class RackDock:
         check_jack_down(ctx)
         self._spec, *_ = self._specs = ctx.settings.rack_specs or (ctx.settings.unmeasured_rack,)
 
+    def stays_docked(self, ctx: Context) -> bool:
+        try:
+            self.begin(ctx)
+        except MoveFailed:
+            return True
+        rack = ctx.load.rack_pose
+        return rack is not None and math.hypot(*(self._target.pose - rack)[:2]) <= MOST_OFF + SAME_RACK
+
     def place(self, ctx: Context) -> Place:
         spec = self._spec
         front = float(ctx.footprint.polygon[:, 0].max())
@@ -157,7 +166,7 @@ class RackDock:
             staging=tuple(entry + gap for gap in STAGING),
             funnel=Funnel(entry),
             speed=SPEED,
-            lane=_between_the_legs(spec, entry),
+            lane=_between_the_legs(spec),
         )
 
     def look(self, seen: SeenScan, prior: Pose) -> Pose | None:
@@ -227,10 +236,10 @@ class RackDock:
         return MoveFailed(Reason.RACK_RETRY_COUNT_EXCEEDED, text)
 
 
-def _between_the_legs(spec: RackSpec, entry: float) -> Array:
-    """From the staging pose to beyond the rack, (4, 2) in the rack's frame."""
-    half = spec.width / 2 - spec.leg_size
-    return np.array([(entry, half), (-entry, half), (-entry, -half), (entry, -half)])
+def _between_the_legs(spec: RackSpec) -> Array:
+    """The lane under the rack, (4, 2) in the rack's frame."""
+    length, half = spec.depth / 2, spec.width / 2 - spec.leg_size
+    return np.array([(length, half), (-length, half), (-length, -half), (length, -half)])
 
 
 def _pose2(pose: Pose) -> Pose2:

@@ -67,6 +67,10 @@ class Dockable(Protocol):
     def begin(self, ctx: Context) -> None:
         """Checks of the request and of the chassis."""
 
+    def stays_docked(self, ctx: Context) -> bool:
+        """Whether docking begins where the chassis, which is docked to something, is now: it is this dock, or
+        ``begin`` will fail."""
+
     def place(self, ctx: Context) -> Place:
         """Where the dock is to be, and its geometry by what is known of it."""
 
@@ -129,6 +133,9 @@ class Docking:
         if drive is None:
             return Done(load)
         return replace(drive, may_touch=self._may_touch(), load=load if _is_news(load, ctx.load) else None)
+
+    def stays_docked(self, ctx: Context) -> bool:
+        return self._dock.stays_docked(ctx)
 
     def resume(self, ctx: Context) -> None:
         """Nothing that was seen before the hold counts: the chassis, or the dock, may have been moved."""

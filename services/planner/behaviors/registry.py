@@ -6,14 +6,7 @@ from collections.abc import Callable, Mapping
 
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
-from rackhand.services.planner.behaviors import (
-    align_with_rack,
-    along_given_route,
-    approach,
-    deprecated,
-    follow_target,
-    to_unload_point,
-)
+from rackhand.services.planner.behaviors import along_given_route, approach, deprecated, follow_target, rack_area
 from rackhand.services.planner.behaviors.base import Behavior
 from rackhand.services.planner.errors import MoveFailed
 
@@ -23,8 +16,8 @@ Registry = Mapping[str, Factory]
 BEHAVIORS: Registry = {
     "none": approach.for_request,
     "standard": approach.for_request,
-    "align_with_rack": align_with_rack.for_request,
-    "to_unload_point": to_unload_point.for_request,
+    "align_with_rack": rack_area.align_for_request,
+    "to_unload_point": rack_area.unload_for_request,
     "along_given_route": along_given_route.for_request,
     "follow_target": follow_target.for_request,
     "leave_elevator": deprecated.for_request,

@@ -69,9 +69,11 @@ class RackPoints:
             elif view.stamp - place.stamp > self._settings.rack_memory * NANOSECONDS:
                 place.known = "unknown"
 
-    def state(self, poi_id: str) -> Occupancy:
-        """What is known of a point; ``unknown`` for one that is not on the map too."""
-        return next((place.known for place in self._places if place.point.id == poi_id), "unknown")
+    def state(self, poi_id: str, since: int = 0) -> Occupancy:
+        """What was seen of a point last, if it was at the stamp ``since`` (ns) or later; ``unknown`` also for a point
+        that is not on the map."""
+        found = (place.known for place in self._places if place.point.id == poi_id and place.stamp >= since)
+        return next(found, "unknown")
 
     def seen_now(self, poi_id: str) -> Occupancy:
         """What the last scans show of a point."""
