@@ -15,6 +15,7 @@ NAMES = (
     "first_motion",
     "planning",
     "planner_tick",
+    "rack_jobs",
     "ik",
     "motion",
     "trajectory",

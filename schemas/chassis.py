@@ -247,6 +247,13 @@ class ClearJackErrors(Message):
     op: Literal["clear_jack_errors"] = "clear_jack_errors"
 
 
+class DetectRacks(Message):
+    """Search the scan for a rack in front of the chassis while no move runs, and measure it; until it is disabled."""
+
+    op: Literal["detect_racks"] = "detect_racks"
+    enable: bool
+
+
 class SetControlMode(Message):
     op: Literal["set_control_mode"] = "set_control_mode"
     control_mode: ControlMode
@@ -275,7 +282,14 @@ class ChassisRequest(Message):
     """A question to, or an order for, the planner about its chassis."""
 
     request: Annotated[
-        JackRequest | JackSelfCheck | ClearJackErrors | SetControlMode | SetEmergencyStop | RemoteTwist | SetPose,
+        JackRequest
+        | JackSelfCheck
+        | ClearJackErrors
+        | DetectRacks
+        | SetControlMode
+        | SetEmergencyStop
+        | RemoteTwist
+        | SetPose,
         Field(discriminator="op"),
     ]
 

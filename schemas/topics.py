@@ -155,6 +155,8 @@ DETECTED_RACK_STATES = _chassis("racks/detected_states", racks.RackStates, "plan
                                 Qos.STREAM, "occupancy of the rack points in view", ws_racks.DetectedRackStates)
 MAP_RACK_STATES = _chassis("racks/states", racks.RackStates, "planner", ("gateway", "viewer"), 1, Qos.LATCHED,
                            "occupancy of all rack points of the map, as last seen", ws_racks.MapRackStates)
+SEEN_RACKS = _chassis("racks/seen", racks.SeenRacks, "planner", ("gateway", "viewer"), 1, Qos.LATCHED,
+                      "racks that scans have shown, with their measured poses", ws_racks.SeenRacksFrame)
 MAP = _chassis("map", maps.CurrentMap, "planner", ("gateway", "viewer"), 0, Qos.LATCHED, "map in use, with overlays",
                ws.MapFrame, ws.MapFileFrame, ws.MapInfo, ws.SlamState)
 

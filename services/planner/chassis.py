@@ -12,6 +12,7 @@ from rackhand.schemas.chassis import (
     ChassisRequest,
     ClearJackErrors,
     Contacts,
+    DetectRacks,
     Done,
     JackRequest,
     JackSelfCheck,
@@ -33,7 +34,7 @@ from rackhand.schemas.moves import (
     MoveRequest,
     PauseMove,
 )
-from rackhand.schemas.racks import RackSpec, RackStates
+from rackhand.schemas.racks import RackSpec
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.alerts import active_alerts
@@ -51,6 +52,7 @@ from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
 from rackhand.services.planner.parameters import Basis, ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState
+from rackhand.services.planner.rack_reports import RackReports
 from rackhand.services.planner.reports import Publication, Reports, chassis_status, planning_state
 from rackhand.services.planner.settings import Limits
 
@@ -99,6 +101,7 @@ class Chassis:
         motion.load = self._load.load
         self._state = ChassisState()
         self._reports = Reports()
+        self._racks = RackReports(self._reports)
         self._status, self._distance = Status(), 0.0
         self._commanded = STANDSTILL
         self._unix_ns: int | None = None
@@ -187,9 +190,11 @@ class Chassis:
         may_jack = self._commanded == STANDSTILL and self._measured_at_rest() and not self._modes.emergency_stop
         jack = self._jack.command(self._state.jack, stamp, may_jack)
         self._report()
+        if self._book.current is None:
+            self._racks.search(stamp, self._motion)
         if self._reports.is_costmap_due(stamp):
             self._reports.costmap(stamp, self._motion.perception.costmap_message(stamp))
-            self._reports.rack_states(*self._rack_states())
+            self._racks.states(stamp, self._motion.perception.costmap, self._maps.current)
         return ChassisCommand(answers=stamp, twist=self._commanded, jack=jack)
 
     def fail_internally(self, error: Exception) -> ChassisCommand:
@@ -352,6 +357,8 @@ class Chassis:
                 detail = self._jack.check(self._state.jack)
             case ClearJackErrors():
                 detail = self._jack.clear()
+            case DetectRacks(enable=enable):
+                self._racks.searching = enable
             case SetPose():
                 detail = self._set_pose()
         self._report()
@@ -383,14 +390,6 @@ class Chassis:
         if self._unix_ns is None:
             raise RequestRefused(RefusalCode.UNAVAILABLE, "no clock was received: the chassis driver is not connected")
         return (self._unix_ns + self._stamp) // NANOSECONDS
-
-    def _rack_states(self) -> tuple[RackStates | None, RackStates | None]:
-        """What the last scans show of the rack points of the map, and what is known of them; None without a map."""
-        costmap, current = self._motion.perception.costmap, self._maps.current
-        if costmap is None or current is None:
-            return None, None
-        points = costmap.rack_points
-        return points.detected(self._stamp, current.uid), points.remembered(self._stamp, current.uid)
 
     # -- ends and reports --------------------------------------------------------------------------------------------
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from rackhand.schemas import topics
-from rackhand.schemas.base import NANOSECONDS, Message
+from rackhand.schemas.base import NANOSECONDS, Message, Pose2
 from rackhand.schemas.chassis import Alert, ChassisFootprint, ChassisStatus, Costmap
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import INTENT_MOVE_TYPES, Move, MoveEvent, PlannedPath, PlanningState
-from rackhand.schemas.racks import DetectedRack, RackStates
+from rackhand.schemas.racks import DetectedRack, RackSpec, RackStates, SeenRacks
 from rackhand.schemas.topics import Topic
 from rackhand.services.planner.behaviors.base import Status
 from rackhand.services.planner.behaviors.running import RunningMove
@@ -48,6 +48,7 @@ class Reports:
         self._load: Load | None = None
         self._rack_states: RackStates | None = None
         self._detected_rack: DetectedRack | None = None
+        self._seen: list[tuple[Pose2, RackSpec]] | None = None
 
     def take(self) -> list[Publication]:
         """All that is due now, in order; each once."""
@@ -122,6 +123,12 @@ class Reports:
         ):
             self._rack_states = remembered
             self._put(topics.MAP_RACK_STATES, remembered)
+
+    def seen_racks(self, seen: SeenRacks) -> None:
+        """Where it has changed: poses, not only the times at which they were seen."""
+        before, self._seen = self._seen, [(rack.pose, rack.spec) for rack in seen.racks]
+        if before != self._seen:
+            self._put(topics.SEEN_RACKS, seen)
 
     def detected_rack(self, found: DetectedRack | None) -> None:
         """What was found in a scan, once."""

@@ -26,7 +26,7 @@ _BACKGROUND = rrb.Background(color=(28, 31, 38))
 # What the views look at, by the name of its robot.
 CHASSIS_SHAPES = (
     *("name", "footprint", "outline", "scan", "map", "overlays", "costmap", "path", "trail", "target"),
-    *("rack/carried", "rack/floor", "rack/detected", "rack/legs", "rack/staging", "rack/points"),
+    *("rack/carried", "rack/floor", "rack/detected", "rack/legs", "rack/staging", "rack/points", "rack/seen"),
 )
 ARM_SHAPES = ("name", "path", "way_points", "trail", "frames/mount", "frames/tool", "frames/target")
 CHASSIS_PLOTS = {

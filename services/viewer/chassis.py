@@ -27,7 +27,7 @@ from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import CurrentMap
 from rackhand.schemas.moves import MoveEvent, PlannedPath, PlanningState
 from rackhand.schemas.planar import yaw_quaternion
-from rackhand.schemas.racks import DetectedRack, LoadReport, RackStates
+from rackhand.schemas.racks import DetectedRack, LoadReport, RackStates, SeenRacks
 from rackhand.schemas.scan_points import ScanPairing, scan_points
 from rackhand.services.viewer import colours
 from rackhand.services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
@@ -38,6 +38,7 @@ from rackhand.services.viewer.racks import (
     load_drawings,
     outline_drawing,
     rack_points,
+    seen_drawing,
     states_drawing,
 )
 from rackhand.services.viewer.shapes import curves, ink, line, name_tag, pen
@@ -148,6 +149,9 @@ class ChassisView:
 
     def detected_rack(self, found: DetectedRack) -> Iterable[Item]:
         yield from detected_drawings(self.robot, found)
+
+    def seen_racks(self, seen: SeenRacks) -> Iterable[Item]:
+        yield seen_drawing(self.robot, seen)
 
     def rack_states(self, states: RackStates) -> Iterable[Item]:
         self._rack_states = states

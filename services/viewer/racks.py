@@ -13,7 +13,7 @@ from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import ChassisFootprint
 from rackhand.schemas.maps import MapData, PointType, overlay_code
 from rackhand.schemas.planar import transform
-from rackhand.schemas.racks import DetectedRack, LoadReport, Occupancy, RackStates
+from rackhand.schemas.racks import DetectedRack, LoadReport, Occupancy, RackStates, SeenRacks
 from rackhand.services.viewer import colours
 from rackhand.services.viewer.items import Drawing
 from rackhand.services.viewer.shapes import ink, line, pen
@@ -57,6 +57,13 @@ def detected_drawings(robot: str, found: DetectedRack) -> Iterable[Drawing]:
     yield Drawing(f"{robot}/rack/staging", (_arrow(found.staging),))
 
 
+def seen_drawing(robot: str, seen: SeenRacks) -> Drawing:
+    """The racks on the floor with their margins, at their measured places."""
+    outlines = [_ring(_at(rack.pose, rack.spec.outline())) for rack in seen.racks]
+    lines = rr.LineStrips3D(outlines, colors=ink(colours.RACK), radii=pen(1.5))
+    return Drawing(f"{robot}/rack/seen", (lines,), lasting=True)
+
+
 def rack_points(data: MapData | None) -> dict[str, Place]:
     """The rack points of a map, by the ids of their features."""
     features = [] if data is None else data.overlays.get("features", [])
@@ -91,8 +98,13 @@ def _at(pose: Pose2, corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _closed(corners: NDArray[np.float64], colour: colours.Colour, width: float = 2.0) -> rr.LineStrips3D:
+    return line(_ring(corners), colour, width)
+
+
+def _ring(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Corners (n, 2) as a closed line just over the floor, (n + 1, 3)."""
     closed = np.vstack([corners, corners[:1]])
-    return line(np.column_stack([closed, np.full(len(closed), OUTLINE_Z)]), colour, width)
+    return np.column_stack([closed, np.full(len(closed), OUTLINE_Z)])
 
 
 def _arrow(pose: Pose2 | None) -> rr.Arrows3D:

@@ -181,22 +181,31 @@ def click(page: Page, x: float, y: float) -> None:
     page.locator("#map").click(position={"x": spot[0], "y": spot[1]})
 
 
-def test_a_rack_is_drawn_where_it_was_measured_and_moves_with_the_robot(chromium: Any, robot: Gateway) -> None:
+def test_racks_are_drawn_where_they_were_measured_and_a_carried_one_moves_with_the_robot(
+    chromium: Any, robot: Gateway
+) -> None:
     page = opened(chromium, robot)
-    robot.publish(topics.DETECTED_RACK, messages.detected_rack())  # its middle at (4, 2.4), 1.19 m along x
-    until_coloured(page, 4.0 - 0.595, 2.4)
-    carried = Pose2(x=0.0, y=0.0, yaw=0.0)
-    robot.publish(topics.LOAD, messages.load("carrying", carried))
-    robot.publish(topics.POSE, messages.pose(x=4.1, y=2.4, yaw=0.0))
+    robot.publish(topics.SEEN_RACKS, messages.seen_racks(Pose2(x=4.1, y=2.4, yaw=0.0)))
     until_coloured(page, 4.1 + 0.7, 2.4)  # half of 1.2 m and a margin of 0.1 m ahead
+    robot.publish(topics.SEEN_RACKS, messages.seen_racks())
+    robot.publish(topics.LOAD, messages.load("carrying", Pose2(x=0.0, y=0.0, yaw=0.0)))
     robot.publish(topics.POSE, messages.pose(x=3.0, y=5.0, yaw=0.0))
     until_coloured(page, 3.0 + 0.7, 5.0)
-    assert coloured(page, 4.0 - 0.595, 2.4) == 0, "the rack that was there is on the robot now"
-    robot.publish(topics.LOAD, messages.load("under_rack", Pose2(x=3.0, y=5.0, yaw=0.0)))
+    assert coloured(page, 4.1 + 0.7, 2.4) == 0, "the rack that was there is on the robot now"
+    robot.publish(topics.POSE, messages.pose(x=3.0, y=4.0, yaw=0.0))
+    until_coloured(page, 3.0 + 0.7, 4.0)
+    robot.publish(topics.SEEN_RACKS, messages.seen_racks(Pose2(x=3.0, y=4.0, yaw=0.0)))
     robot.publish(topics.LOAD, LoadReport(stamp=0))
-    robot.publish(topics.POSE, messages.pose(x=5.5, y=4.5, yaw=0.0))
     expect(page.locator("#load")).to_have_text("free")
-    until_coloured(page, 3.0 + 0.7, 5.0)
+    until_coloured(page, 3.0 + 0.7, 4.0)
+
+
+def test_a_rack_that_is_detected_is_drawn_while_it_is(chromium: Any, robot: Gateway) -> None:
+    page = opened(chromium, robot)
+    robot.publish(topics.DETECTED_RACK, messages.detected_rack())  # its middle at (4, 2.4), 1.19 m along x
+    until_coloured(page, 4.0 - 0.595, 2.4, "aim")
+    robot.publish(topics.DETECTED_RACK, messages.detected_rack(detected=False))
+    until(page, lambda: coloured(page, 4.0 - 0.595, 2.4, "aim") == 0)
 
 
 def test_the_footprint_in_force_is_drawn_around_the_body(chromium: Any, robot: Gateway) -> None:

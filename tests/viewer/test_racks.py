@@ -98,3 +98,12 @@ def test_rack_points_have_the_colour_of_their_state(view: ChassisView, map_first
     shades = drawing.parts[0].colors.as_arrow_array().to_pylist()
     wanted = [int.from_bytes(bytes(colour)) for colour in (colours.FREE, colours.AREA)]
     assert shades == wanted, "of the second nothing is known"
+
+
+def test_racks_on_the_floor_are_drawn_where_they_were_measured(view: ChassisView) -> None:
+    drawing = drawn(view.seen_racks(messages.seen_racks(Pose2(x=7.0, y=3.0, yaw=0.0), Pose2(x=1.0, y=1.0, yaw=0.0))))
+    lines = drawing["rack/seen"].parts[0].strips.as_arrow_array().to_pylist()
+    farthest = [np.max(points, axis=0)[:2] for points in lines]
+    assert farthest == [pytest.approx([7.7, 3.5]), pytest.approx([1.7, 1.5])]
+    nothing = drawn(view.seen_racks(messages.seen_racks()))["rack/seen"]
+    assert len(strip(nothing)) == 0

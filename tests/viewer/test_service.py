@@ -149,6 +149,7 @@ def test_a_real_robot_is_drawn_without_a_world(bench: Bench) -> None:
     bench.tell(topics.LOAD, "amr1", messages.load())
     bench.tell(topics.DETECTED_RACK, "amr1", messages.detected_rack())
     bench.tell(topics.MAP_RACK_STATES, "amr1", messages.rack_states())
+    bench.tell(topics.SEEN_RACKS, "amr1", messages.seen_racks())
     bench.tell(topics.ARM_MODEL, "arm1", ArmModel(kind="ur5e", position=(3.0, 1.0, 0.6), orientation=UPRIGHT))
     way = np.array([[0.4, 0.0, 0.5], [0.4, 0.1, 0.5]], dtype=np.float32)
     for i in range(40):

@@ -12,6 +12,7 @@ from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import (
     ChassisRequest,
     ClearJackErrors,
+    DetectRacks,
     JackRequest,
     JackSelfCheck,
     SetControlMode,
@@ -129,6 +130,20 @@ async def jack_self_check(gateway: Gateway) -> JSONResponse:
 async def clear_jack_errors(gateway: Gateway) -> JSONResponse:
     """End the alerts of a jack that did not arrive in time or failed its self-check."""
     return await _execute(gateway, ChassisRequest(request=ClearJackErrors()))
+
+
+@services.post("/start_rack_size_detection", responses=_SERVICE)
+async def start_rack_size_detection(gateway: Gateway) -> JSONResponse:
+    """Measure the rack in front of the robot while no move runs; what is found is on the WebSocket topic
+    ``/detected_rack``, with its width and depth, whether or not `rack.specs` has this size.
+    """
+    return await _execute(gateway, ChassisRequest(request=DetectRacks(enable=True)))
+
+
+@services.post("/stop_rack_size_detection", responses=_SERVICE)
+async def stop_rack_size_detection(gateway: Gateway) -> JSONResponse:
+    """End what ``/services/start_rack_size_detection`` began."""
+    return await _execute(gateway, ChassisRequest(request=DetectRacks(enable=False)))
 
 
 @services.get("/query_pose/rack_pose", responses=failures(404, 503))

@@ -1,4 +1,5 @@
 // The live map: what is known, drawn from the floor up.
+import { drawRacks } from "./outlines.js";
 import { drawOverlays } from "./overlays.js";
 import { arrow, dot, label, stroke, trace } from "./pen.js";
 import { rackStates } from "./racks.js";
@@ -11,7 +12,7 @@ export function draw(view, known, aim, colours) {
   drawMap(view, known, colours);
   drawGrid(view, known.map, colours);
   drawOverlays(view, known.info?.overlays, colours, { states: rackStates(known.rackStates), chosen: known.chosen });
-  known.racks.draw(view, colours);
+  drawRacks(view, known, colours);
   drawTrail(view, known.trail, colours);
   drawPath(view, known, colours);
   drawScan(view, known.scan?.points, colours);

@@ -40,6 +40,8 @@ _SERVICES = (
     "/services/jack_down",
     "/services/jack_self_check",
     "/services/clear_jack_errors",
+    "/services/start_rack_size_detection",
+    "/services/stop_rack_size_detection",
     "/services/query_pose/rack_pose",
 )
 

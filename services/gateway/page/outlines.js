@@ -1,8 +1,7 @@
-// Racks at the places where they were measured. A rack that was set down stays drawn until another is seen there.
+// Racks at the places where they were measured.
 import { stroke, trace } from "./pen.js";
 
-const SAME = 0.6; // metres between two measurements of one rack
-const MOST = 50;
+const DETECTED = 3000; // ms for which a rack that was detected stays drawn
 
 // Corners of a rack that was detected, from its size and the pose of its middle.
 function corners({ pose: { pos, ori }, width, height }) {
@@ -13,47 +12,17 @@ function corners({ pose: { pos, ori }, width, height }) {
   });
 }
 
-export class Racks {
-  constructor() {
-    this.carried = null; // the rack that the robot is under or carries: {pos, outline}
-    this.parked = [];
-  }
-
-  hearLoad({ state, rack }) {
-    if (!rack && this.carried && state === "free") this.park(this.carried);
-    this.carried = rack ? { pos: rack.pose.pos, outline: rack.outline } : null;
-    if (rack) this.forget(rack.pose.pos);
-  }
-
-  hearDetected({ rack_detected, rack_box }) {
-    if (!rack_detected || !rack_box) return;
-    const { pos } = rack_box.pose;
-    if (this.carried && apart(this.carried.pos, pos) < SAME) return;
-    this.park({ pos, outline: corners(rack_box) });
-  }
-
-  park(rack) {
-    this.forget(rack.pos);
-    this.parked = [...this.parked, rack].slice(-MOST);
-  }
-
-  forget(pos) {
-    this.parked = this.parked.filter((rack) => apart(rack.pos, pos) >= SAME);
-  }
-
-  draw(view, colours) {
-    for (const { outline } of this.parked) this.drawOne(view, outline, colours, "30", 2);
-    if (this.carried) this.drawOne(view, this.carried.outline, colours, "48", 3);
-  }
-
-  drawOne(view, outline, colours, fill, width) {
-    trace(view, outline, true);
-    view.context.fillStyle = colours.rack + fill;
-    view.context.fill();
-    stroke(view.context, colours.rack, width);
-  }
+// Those on the floor, the one that the robot is under or carries, and what a search shows at the moment.
+export function drawRacks(view, { seenRacks, load, detected, detectedAt }, colours) {
+  for (const { outline } of seenRacks?.racks ?? []) drawOne(view, outline, colours.rack, "30", 2);
+  if (load?.rack) drawOne(view, load.rack.outline, colours.rack, "48", 3);
+  const fresh = Date.now() - (detectedAt ?? 0) < DETECTED;
+  if (fresh && detected?.rack_box) drawOne(view, corners(detected.rack_box), colours.aim, "00", 2);
 }
 
-function apart(a, b) {
-  return Math.hypot(a[0] - b[0], a[1] - b[1]);
+function drawOne(view, outline, colour, fill, width) {
+  trace(view, outline, true);
+  view.context.fillStyle = colour + fill;
+  view.context.fill();
+  stroke(view.context, colour, width);
 }

@@ -2,7 +2,6 @@
 import { draw, paintMap } from "./draw.js";
 import { Drive, listenToMap } from "./gestures.js";
 import { at, complain, showState, showCursor, showHealth, showLink, showMoves, showRobot } from "./panel.js";
-import { Racks } from "./outlines.js";
 import { RackJobs } from "./racks.js";
 import { View } from "./view.js";
 import { TOPICS, Wire, ask, order } from "./wire.js";
@@ -20,7 +19,6 @@ const COLOURS = [
 const view = new View(at("map"));
 const known = { trail: [] };
 const jobs = new RackJobs(command, changed);
-let racks = new Racks();
 let colours = readColours();
 let aim = null;
 let redraw = false;
@@ -39,7 +37,7 @@ function changed() {
   requestAnimationFrame(() => {
     redraw = false;
     jobs.show(known);
-    draw(view, { ...known, racks, chosen: jobs.chosen?.key }, aim, colours);
+    draw(view, { ...known, chosen: jobs.chosen?.key }, aim, colours);
     showState(known);
   });
 }
@@ -53,8 +51,7 @@ function receive(message) {
     if (name === "planning") hearPlanning(before, message);
     if (name === "pose") extendTrail(message.pos);
     if (name === "model" && !known.body) loadBody();
-    if (name === "load") racks.hearLoad(message);
-    if (name === "detected") racks.hearDetected(message);
+    if (name === "detected") known.detectedAt = Date.now();
     changed();
   } else if (message.topic === "/twist_feedback") {
     drive.answered();
@@ -123,7 +120,6 @@ function link(connected) {
   if (!connected) return;
   for (const name of Object.keys(known)) delete known[name]; // it may be another cell by now
   known.trail = [];
-  racks = new Racks();
   ask("GET", "/device/info/brief").then(({ ok, answer }) => ok && showRobot(answer)).catch(() => {});
 }
 

@@ -120,7 +120,8 @@ class UnloadTask:
 
     def at(self, request: MoveCreate, point: PointOfInterest) -> Behavior:
         yaw = point.yaw if request.target_ori is None else request.target_ori
-        return ToUnloadPoint(request, UnloadTarget(point.x, point.y, yaw, name_of(point)))
+        direct = request.model_copy(update={"route_coordinates": None})
+        return ToUnloadPoint(direct, UnloadTarget(point.x, point.y, yaw, name_of(point)))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 The goal of the chassis is the target pose of the rack, composed with the inverse of where the rack is on the jack. A
 target need not be a rack point of the map. Without ``target_ori`` the rack takes the yaw of the rack point within
-``rack_point_radius``; where there is none, the first of a few headings that the map has room for.
+``rack_point_radius``; where there is none, one of a few headings that the map has room for. With ``route_coordinates``
+it is driven along that route first, as by a standard move.
 
 Why such a move fails beside the reasons of a standard move for a start (3, 5) and for what the chassis lacks (2, 16,
 17, 1000):
@@ -31,6 +32,7 @@ from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import PointType
 from rackhand.schemas.moves import MoveCreate
 from rackhand.services.planner.behaviors.align_with_rack import checked_layer
+from rackhand.services.planner.behaviors.approach import approach
 from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose
 from rackhand.services.planner.control.goal_checker import is_still
@@ -178,7 +180,7 @@ class ToUnloadPoint:
     """Drives as a standard move does, with tighter tolerances, and watches the place meanwhile."""
 
     _target: UnloadTarget
-    _drive: DriveToPose
+    _drive: Behavior
 
     def __init__(self, request: MoveCreate, target: UnloadTarget | None = None) -> None:
         """``target``: in place of the request's."""
@@ -203,7 +205,8 @@ class ToUnloadPoint:
         self._rack_pose = ctx.load.rack_pose
         self._goal = reachable_goal(ctx, self._target)
         x, y, yaw = self._goal.tolist()
-        self._drive = DriveToPose(Goal(x, y, yaw, ctx.settings.unload_accuracy))
+        goal = Goal(x, y, yaw, ctx.settings.unload_accuracy)
+        self._drive = DriveToPose(goal) if self._begun else approach(goal, self._request)
 
     # -- stages ------------------------------------------------------------------------------------------------------
 

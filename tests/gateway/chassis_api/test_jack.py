@@ -20,6 +20,8 @@ from tests.gateway.harness import Gateway
         ("jack_down", "jack"),
         ("jack_self_check", "jack_self_check"),
         ("clear_jack_errors", "clear_jack_errors"),
+        ("start_rack_size_detection", "detect_racks"),
+        ("stop_rack_size_detection", "detect_racks"),
     ],
 )
 def test_services_of_the_jack_are_asked_of_the_planner(gateway: Gateway, service: str, op: str) -> None:
@@ -27,6 +29,7 @@ def test_services_of_the_jack_are_asked_of_the_planner(gateway: Gateway, service
     assert (answer.status_code, answer.json()) == (200, {})
     (asked,) = gateway.bus.requests
     assert asked.op == op and getattr(asked, "direction", service[5:]) == service[5:]
+    assert getattr(asked, "enable", service.startswith("start")) == service.startswith("start")
 
 
 def test_the_jack_for_clients_that_poll(gateway: Gateway) -> None:

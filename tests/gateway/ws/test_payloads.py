@@ -51,6 +51,7 @@ def test_every_frame_is_registered_under_the_topic_of_its_model() -> None:
         (topics.DETECTED_RACK, messages.detected_rack()),
         (topics.DETECTED_RACK_STATES, messages.rack_states()),
         (topics.MAP_RACK_STATES, messages.rack_states()),
+        (topics.SEEN_RACKS, messages.seen_racks()),
         (topics.COSTMAP, costmap(np.zeros(6, np.uint8))),
         (topics.SCAN, messages.scan()),
     ):
