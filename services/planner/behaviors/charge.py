@@ -150,6 +150,7 @@ class ChargerDock:
     def load(self, body: Array, dock: Pose) -> Load | None:
         """The contacts tell."""
         del body, dock
+        return None
 
     def is_docked(self, ctx: Context, off: Pose, waited: float) -> bool | None:
         """Charging, or touching without a current for too long (105), or not touching."""
