@@ -173,7 +173,7 @@ class NavigationSettings:
 
     # the global plan
     plan_margin: float = 0.035  # clearance of the footprint along a plan
-    path_margin: float = 0.015  # and of one that is driven: what the braking guard asks, to the accuracy of the cells
+    path_margin: float = 0.0  # and of one that is driven: what the guard asks, but for jitter of cells
     ground_margin: float = 0.0  # clearance of the footprint at start and goal
     inflation_radius: float = 0.5  # beyond the inscribed circle; nearer costs more
     clearance_weight: float = 4.0

@@ -26,17 +26,17 @@ class TiledClearance:
 
     def at(self, x: float, y: float) -> float:
         """Metres from a point to the edge of the nearest blocked cell; nothing outside the map is free."""
-        return self._grid(x, y).at(x, y)
+        return self.grid_at(x, y).at(x, y)
 
     def clearance(self, footprint: Footprint, pose: Pose, enough: float = 1.0) -> float:
         """As ``DistanceGrid.clearance``."""
-        return self._grid(pose[0], pose[1]).clearance(footprint, pose, enough)
+        return self.grid_at(pose[0], pose[1]).clearance(footprint, pose, enough)
 
     def turn_clearance(self, footprint: Footprint, pose: Pose, turn: float, enough: float = 0.0) -> float:
         """As ``DistanceGrid.turn_clearance``."""
-        return self._grid(pose[0], pose[1]).turn_clearance(footprint, pose, turn, enough)
+        return self.grid_at(pose[0], pose[1]).turn_clearance(footprint, pose, turn, enough)
 
-    def _grid(self, x: float, y: float) -> DistanceGrid:
+    def grid_at(self, x: float, y: float) -> DistanceGrid:
         """The distances about the tile of a point; about the nearest one for a point outside the map."""
         g, size = self._geometry, max(round(TILE / self._geometry.resolution), 1)
         row, column = g.cell(x, y)
