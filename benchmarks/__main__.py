@@ -14,6 +14,7 @@ NAMES = (
     "first_motion",
     "planning",
     "planner_tick",
+    "rack_jobs",
     "ik",
     "motion",
     "trajectory",

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from rackhand.schemas.base import Array, Message, Pose2, Stamp, Twist2, Vec2, Vec3
 
 ControlMode = Literal["auto", "manual", "remote"]
+CheckState = Literal["no_error", "up", "down", "error", "unknown"]
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 
@@ -49,12 +50,16 @@ class Imu(Message):
 
 
 class Jack(Message):
-    """The jack: progress 0 is down, 1 is up; weight in kg as its sensor reads it."""
+    """The jack: progress 0 is down, 1 is up; weight in kg as its sensor reads it.
+
+    ``stalled``: it has to move up, but what is on it is too heavy for its motor.
+    """
 
     stamp: Stamp
     state: Literal["unknown", "hold", "jacking_up", "jacking_down"]
     progress: Annotated[float, Field(ge=0, le=1)]
     weight: float
+    stalled: bool = False
 
 
 class Battery(Message):
@@ -198,12 +203,19 @@ class Alert(Message):
 
 
 class ChassisStatus(Message):
-    """Modes and stops of a chassis as the planner, who decides them, holds them."""
+    """Modes and stops of a chassis as the planner, who decides them, holds them.
+
+    ``jack_check``: the stage of a self-check of the jack while ``jack_checking``, else the result of the last one.
+    """
+
+    VERSION: ClassVar[int] = 2
 
     stamp: Stamp
     control_mode: ControlMode = "auto"
     emergency_stop: bool = False
     driver_alive: bool = True
+    jack_checking: bool = False
+    jack_check: CheckState = "no_error"
     alerts: tuple[Alert, ...] = Field(default=(), strict=False)
 
 
@@ -223,6 +235,23 @@ class ChassisFootprint(Message):
 class JackRequest(Message):
     op: Literal["jack"] = "jack"
     direction: Literal["up", "down"]
+
+
+class JackSelfCheck(Message):
+    """Move the jack up and down without a load, to find out whether it works."""
+
+    op: Literal["jack_self_check"] = "jack_self_check"
+
+
+class ClearJackErrors(Message):
+    op: Literal["clear_jack_errors"] = "clear_jack_errors"
+
+
+class DetectRacks(Message):
+    """Search the scan for a rack in front of the chassis while no move runs, and measure it; until it is disabled."""
+
+    op: Literal["detect_racks"] = "detect_racks"
+    enable: bool
 
 
 class SetControlMode(Message):
@@ -253,7 +282,15 @@ class ChassisRequest(Message):
     """A question to, or an order for, the planner about its chassis."""
 
     request: Annotated[
-        JackRequest | SetControlMode | SetEmergencyStop | RemoteTwist | SetPose, Field(discriminator="op")
+        JackRequest
+        | JackSelfCheck
+        | ClearJackErrors
+        | DetectRacks
+        | SetControlMode
+        | SetEmergencyStop
+        | RemoteTwist
+        | SetPose,
+        Field(discriminator="op"),
     ]
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-Target = Literal["chassis", "rack"]
+Target = Literal["chassis", "rack", "lift"]
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,9 @@ FAULTS = {
         FaultKind("emergency_stop_button", "chassis", "the emergency stop button is pressed"),
         FaultKind("pose_lost", "chassis", "no localised pose"),
         FaultKind("leg_hidden", "rack", "the lidar does not see a leg of the rack, or (without a part) any", parts=4),
+        FaultKind("lift_door_closes", "lift", "the doors close, also on what is between them, and stay closed"),
+        FaultKind("lift_occupied", "lift", "a person stands in the cabin"),
+        FaultKind("lift_taken", "lift", "someone else has the lift and does not give it back"),
     )
 }
 

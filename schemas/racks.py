@@ -89,6 +89,22 @@ class DetectedRack(Message):
     staging: Pose2 | None = None
 
 
+class SeenRack(Message):
+    """A rack that scans have shown: on the floor, or above the chassis. ``stamp``: when it was seen last; ``pose``: of
+    its frame in the map."""
+
+    stamp: Stamp
+    pose: Pose2
+    spec: RackSpec
+
+
+class SeenRacks(Message):
+    """All racks that scans have shown and that are believed to be there still, without one that is carried."""
+
+    stamp: Stamp
+    racks: Annotated[tuple[SeenRack, ...], Strict(False)] = ()
+
+
 class RackLevel(Message):
     """What is known of one level of a rack point. ``stamp``: when it was seen last."""
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, Literal, TypeVar
 
-from rackhand.schemas import chassis, maps, motion, moves, parameters, racks, service, world
+from rackhand.schemas import chassis, lift, maps, motion, moves, parameters, racks, service, world
 from rackhand.schemas import websocket as ws
 from rackhand.schemas import websocket_racks as ws_racks
 from rackhand.schemas.base import NANOSECONDS, Message
@@ -26,8 +26,8 @@ R = TypeVar("R", bound=Message)
 Role = Literal["driver", "localiser", "planner", "controller", "sim", "gateway", "viewer", "node"]
 """What a process does on the bus. The simulator has the roles sim, driver and localiser; ``node`` is any program of a
 user that is allowed to take part."""
-Owner = Literal["chassis", "arm", "world", "any"]
-"""Whose name is in a key: that of a mobile robot, of an arm, ``world``, or any of them (``cell`` too)."""
+Owner = Literal["chassis", "arm", "lift", "world", "any"]
+"""Whose name is in a key: that of a mobile robot, of an arm, of a lift, ``world``, or any of them (``cell`` too)."""
 
 
 class Qos(Enum):
@@ -130,9 +130,10 @@ CONTACTS = _chassis("chassis/contacts", chassis.Contacts, "driver", ("planner", 
 CHASSIS_MODEL = _chassis("chassis/model", chassis.ChassisModel, "driver", ("planner", "gateway", "viewer"), 0,
                          Qos.LATCHED, "footprint, limits, lidar, jack and charge contact")
 POSE = _chassis("chassis/pose", chassis.LocalisedPose, "localiser", ("planner", "gateway", "viewer"), 25, Qos.STREAM,
-                "localised pose in the map", ws.TrackedPose, ws.SlamState, ws.MatchedPoints)
+                "localised pose in the map", ws.TrackedPose, ws.SlamState, ws.MatchedPoints, ws_racks.LoadFrame)
 CHASSIS_STATUS = _chassis("chassis/status", chassis.ChassisStatus, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
-                          "mode, stops, alerts", ws.WheelState, ws.ChassisState, ws.Alerts)
+                          "mode, stops, self-check of the jack, alerts", ws.WheelState, ws.ChassisState, ws.Alerts,
+                          ws.JackState)
 FOOTPRINT = _chassis("chassis/footprint", chassis.ChassisFootprint, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
                      "outline that must not touch anything now: of the body, or of body and carried rack",
                      ws.RobotModel, ws.RobotFootprint)
@@ -150,10 +151,12 @@ MOVE_EVENT = _chassis("moves/event", moves.MoveEvent, "planner", ("viewer",), 0,
                       "a move was created, replanned, blocked or has ended")
 DETECTED_RACK = _chassis("racks/detected", racks.DetectedRack, "planner", ("gateway", "viewer"), 0, Qos.STREAM,
                          "search for a rack in a scan; only while a search runs", ws_racks.DetectedRackFrame)
-DETECTED_RACK_STATES = _chassis("racks/detected_states", racks.RackStates, "planner", ("gateway", "viewer"), 0,
+DETECTED_RACK_STATES = _chassis("racks/detected_states", racks.RackStates, "planner", ("gateway",), 1,
                                 Qos.STREAM, "occupancy of the rack points in view", ws_racks.DetectedRackStates)
-MAP_RACK_STATES = _chassis("racks/states", racks.RackStates, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
+MAP_RACK_STATES = _chassis("racks/states", racks.RackStates, "planner", ("gateway", "viewer"), 1, Qos.LATCHED,
                            "occupancy of all rack points of the map, as last seen", ws_racks.MapRackStates)
+SEEN_RACKS = _chassis("racks/seen", racks.SeenRacks, "planner", ("gateway", "viewer"), 1, Qos.LATCHED,
+                      "racks that scans have shown, with their measured poses", ws_racks.SeenRacksFrame)
 MAP = _chassis("map", maps.CurrentMap, "planner", ("gateway", "viewer"), 0, Qos.LATCHED, "map in use, with overlays",
                ws.MapFrame, ws.MapFileFrame, ws.MapInfo, ws.SlamState)
 
@@ -174,6 +177,11 @@ MOTION_STREAM = _arm("motion/stream", motion.MotionStream, "controller", ("gatew
                      "status streams, one per session")
 MOTION_SESSION = _arm("motion/session", motion.SessionGone, "gateway", ("controller",), 0, Qos.EVENT,
                       "the connection of a client was closed")
+
+LIFT_STATE = Topic("lift/state", "rackhand/{robot}/lift/state", "lift", lift.LiftState, "driver",
+                   ("planner", "gateway", "viewer"), 5, Qos.STREAM, "floor, doors, who has the lift")
+LIFT_MODEL = Topic("lift/model", "rackhand/{robot}/lift/model", "lift", lift.LiftModel, "driver",
+                   ("planner", "gateway", "viewer"), 0, Qos.LATCHED, "floors, cabin and door of a lift")
 
 BUS_STATS = Topic("bus/stats", "rackhand/{robot}/bus/stats", "any", service.BusStats, "every service", ("viewer",), 0,
                   Qos.STREAM, "samples that a service received, lost and could not parse, per second of wall time")
@@ -197,6 +205,8 @@ MOTION = Query("motion/command", "rackhand/{robot}/motion/command", "arm", motio
                "controller", ("gateway", "node"), "CRF requests")
 MOTION_STOP = Query("motion/stop", "rackhand/{robot}/motion/stop", "arm", motion.CrfCall, motion.CrfAnswer,
                     "controller", ("gateway", "node"), "softStop and hardStop, not queued behind other requests")
+LIFT = Query("lift/command", "rackhand/{robot}/lift/command", "lift", lift.LiftRequest, lift.LiftState, "driver",
+             ("planner", "gateway", "node"), "call a lift, hold its doors, go to a floor, release it")
 WORLD_CONTROL = Query("world/control", "rackhand/world/control", "world", world.WorldRequest, world.WorldReply, "sim",
                       ("planner", "controller", "node"), "join, pause, advance, speed, reset, place, faults, inspect")
 # fmt: on

@@ -64,8 +64,8 @@ class MapRackStates(WsTopic):
     racks: list[RackPointRow]
 
 
-class CarriedRack(Frame):
-    """A rack that the robot is under or carries; `outline` with its margins, in the map frame."""
+class RackShape(Frame):
+    """A rack in the map; `outline` with its margins."""
 
     pose: PoseFrame
     width: float
@@ -79,4 +79,13 @@ class LoadFrame(WsTopic):
     TOPIC = "/load_state"
 
     state: LoadState
-    rack: CarriedRack | None = None
+    rack: RackShape | None = None
+
+
+class SeenRacksFrame(WsTopic):
+    """racks on the floor that scans have shown, at their measured places (an extension)"""
+
+    TOPIC = "/seen_racks"
+    RATE = 2.0
+
+    racks: list[RackShape]

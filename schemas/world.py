@@ -179,10 +179,23 @@ class Contact(Message):
     force: float
 
 
+class Touch(Message):
+    """Two parts of the world touched: their names in order, and when first and last.
+
+    Parts of a chassis are ``amr1/hull``, ``amr1/wheels`` (casters too) and ``amr1/jack``; all else is one part under
+    its name, and the floor is ``floor``. What sleeps in place touches nothing by this count.
+    """
+
+    parts: Annotated[tuple[str, str], Field(strict=False)]
+    first: Stamp
+    last: Stamp
+
+
 class WorldReply(Message):
     """State of the simulation. ``digest`` is a hash over the stamped states since the run began.
 
-    ``contacts`` lists the first 1,000 begun contacts since then; ``contact_count`` counts all.
+    ``contacts`` lists the first 1,000 begun contacts of robots with what is not floor or load since then;
+    ``contact_count`` counts all. ``touches``: all pairs of parts that touched since then, allowed or not.
     """
 
     clock: Clock
@@ -190,6 +203,7 @@ class WorldReply(Message):
     digest: str
     contact_count: int
     contacts: tuple[Contact, ...] = Field(strict=False)
+    touches: tuple[Touch, ...] = Field(default=(), strict=False)
     participants: tuple[str, ...] = Field(strict=False)
     command_stamps: dict[str, int] = Field(description="robot -> stamp that its newest command answers")
 

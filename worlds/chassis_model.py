@@ -39,7 +39,8 @@ class ChassisBody(Data):
 class WheelDrive(Data):
     """Two driven wheels. ``acceleration``, ``deceleration`` (m/s²) and ``angular_acceleration`` (rad/s²) are what the
     drive itself holds to. ``braking`` (m/s² of each wheel's rim) is how it stops when it must: as
-    hard as the wheels' grip allows, and a little more. ``gain`` (N·m·s/rad) of the
+    hard as the wheels' grip allows, and a little more; ``braking_loaded``: the same with something on the jack,
+    which must neither slide nor fall. ``gain`` (N·m·s/rad) of the
     velocity servo: gain · timestep must stay below ``rotor_inertia`` (kg·m², of motor and gear, at the wheel), or a
     servo at its torque limit chatters.
     """
@@ -54,6 +55,7 @@ class WheelDrive(Data):
     deceleration: Positive
     angular_acceleration: Positive
     braking: Positive
+    braking_loaded: Positive = 1.5
     torque: Positive
     gain: Positive
     rotor_inertia: Positive
@@ -66,7 +68,11 @@ class Casters(Data):
 
 
 class JackKind(Data):
-    """A plate l×w×h on a slide; the spindle takes ``duration`` seconds for ``stroke``."""
+    """A plate l×w×h on a slide; the spindle takes ``duration`` seconds for ``stroke``.
+
+    ``force`` (N): the motor turns the spindle upward against no more than that, plate included. It is self-locking:
+    it bears more than it lifts. ``friction``: between the plate and what it carries.
+    """
 
     stroke: Positive
     duration: Positive
@@ -74,6 +80,13 @@ class JackKind(Data):
     mass: Positive
     force: Positive
     max_load: Positive
+    friction: Positive = 0.5
+
+    @model_validator(mode="after")
+    def _lifts_its_load(self) -> JackKind:
+        if (needed := (self.mass + self.max_load) * 9.81) > self.force:
+            raise ValueError(f"force {self.force:g} N does not lift max_load {self.max_load:g} kg: want {needed:.0f} N")
+        return self
 
 
 class LidarKind(Data):

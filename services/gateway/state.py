@@ -10,6 +10,7 @@ from rackhand.schemas import topics
 from rackhand.schemas import websocket as ws
 from rackhand.schemas.base import Message
 from rackhand.schemas.topics import Topic
+from rackhand.schemas.websocket_racks import LoadFrame
 from rackhand.services.gateway.ws import rack_payloads  # noqa: F401 - registers its topics in PAYLOADS
 from rackhand.services.gateway.ws.facts import Facts
 from rackhand.services.gateway.ws.payloads import PAYLOADS
@@ -17,6 +18,7 @@ from rackhand.services.gateway.ws.payloads import PAYLOADS
 # A message that differs from the last one only in these is one more sample of a stream; any other difference is an
 # event that every client must see.
 _STREAMED = {
+    topics.LOAD.name: {"stamp"},
     topics.DETECTED_RACK.name: {"stamp", "pose", "width", "depth", "legs", "staging"},
     topics.PLANNING_STATE.name: {"stamp", "remaining_distance"},
     topics.CHASSIS_STATUS.name: {"stamp"},
@@ -57,11 +59,18 @@ class RobotState:
         planning = self.facts.newest(topics.PLANNING_STATE)
         return planning is not None and planning.action_id >= move_id
 
+    def _is_carrying(self) -> bool:
+        load = self.facts.newest(topics.LOAD)
+        return load is not None and load.state == "carrying"
+
     def _changed(self, topic: Topic[Any], matched: bool) -> Iterable[type[ws.WsTopic]]:
         before, self._quality = self._quality, self.facts.quality
         for view in topic.ws:
-            if view is not ws.MatchedPoints or matched:
-                yield view
+            if view is ws.MatchedPoints and not matched:
+                continue
+            if view is LoadFrame and topic is topics.POSE and not self._is_carrying():
+                continue
+            yield view
         if topic is topics.ODOMETRY and self._quality != before:  # the pose has become too old
             yield ws.SlamState
 

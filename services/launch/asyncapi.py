@@ -34,6 +34,7 @@ _FROM_CLIENTS: dict[str, type[BaseModel]] = {"/twist": ws.Twist}
 _NAMES = {
     "chassis": "name of a mobile robot, as in amr1",
     "arm": "name of an arm, as in arm1",
+    "lift": "name of a lift, as in lift_1",
     "any": "name of a robot, or world, or cell",
 }
 _INFO = (

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from rackhand.schemas.chassis import Alert
+from rackhand.services.planner.jacking import JackOrders
+from rackhand.services.planner.load import Slip
 from rackhand.services.planner.perception.chassis_state import QUALITY_LOST, ChassisState
 
 STUCK = 1007
@@ -12,14 +14,23 @@ POSITION_UNRELIABLE = 7002
 POSITION_LOST = 7005
 BATTERY_CRITICAL = 8003
 BATTERY_LOW = 8501
+RACK_MOVED_SLIGHTLY = 9015
 JACK_ERROR = 9016
+JACK_SELF_CHECK = 12004
+RACK_MOVED_FAR = 12005
 
 LOW_CHARGE, CRITICAL_CHARGE = 0.2, 0.1
 POOR_QUALITY = 3
 
 
 def active_alerts(
-    sensed: ChassisState, *, moving: bool, stuck: bool, jack_failed: str | None, map_trouble: str | None
+    sensed: ChassisState,
+    jack: JackOrders,
+    *,
+    moving: bool,
+    stuck: bool,
+    map_trouble: str | None,
+    slipped: Slip = Slip.NONE,
 ) -> tuple[Alert, ...]:
     """All that is the matter now, in the order of their codes."""
     found: list[Alert] = []
@@ -29,8 +40,14 @@ def active_alerts(
         found.append(_alert(MAP_INFO_BAD, map_trouble))
     found += _position(sensed, moving)
     found += _battery(sensed)
-    if jack_failed is not None:
-        found.append(_alert(JACK_ERROR, jack_failed))
+    if jack.failed is not None:
+        found.append(_alert(JACK_SELF_CHECK if jack.check_state == "error" else JACK_ERROR, jack.failed))
+    text = f"the rack has moved {slipped.value} on the jack since it was lifted"
+    if slipped is Slip.SLIGHTLY:
+        # A warning by what it means, though not by its code, which is that of the real robot.
+        found.append(Alert(code=RACK_MOVED_SLIGHTLY, level="warning", msg=text))
+    elif slipped is Slip.SIGNIFICANTLY:
+        found.append(_alert(RACK_MOVED_FAR, text))
     return tuple(sorted(found, key=lambda alert: alert.code))
 
 

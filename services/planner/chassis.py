@@ -10,10 +10,12 @@ from rackhand.schemas.chassis import (
     ChassisCommand,
     ChassisModel,
     ChassisRequest,
-    ChassisStatus,
+    ClearJackErrors,
     Contacts,
+    DetectRacks,
     Done,
     JackRequest,
+    JackSelfCheck,
     Odometry,
     RemoteTwist,
     SetControlMode,
@@ -50,7 +52,8 @@ from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
 from rackhand.services.planner.parameters import Basis, ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState
-from rackhand.services.planner.reports import Publication, Reports, planning_state
+from rackhand.services.planner.rack_reports import RackReports
+from rackhand.services.planner.reports import Publication, Reports, chassis_status, planning_state
 from rackhand.services.planner.settings import Limits
 
 PERIOD_NS = 40_000_000  # between commands
@@ -98,6 +101,7 @@ class Chassis:
         motion.load = self._load.load
         self._state = ChassisState()
         self._reports = Reports()
+        self._racks = RackReports(self._reports)
         self._status, self._distance = Status(), 0.0
         self._commanded = STANDSTILL
         self._unix_ns: int | None = None
@@ -186,8 +190,11 @@ class Chassis:
         may_jack = self._commanded == STANDSTILL and self._measured_at_rest() and not self._modes.emergency_stop
         jack = self._jack.command(self._state.jack, stamp, may_jack)
         self._report()
+        if self._book.current is None:
+            self._racks.search(stamp, self._motion)
         if self._reports.is_costmap_due(stamp):
             self._reports.costmap(stamp, self._motion.perception.costmap_message(stamp))
+            self._racks.states(stamp, self._motion.perception.costmap, self._maps.current)
         return ChassisCommand(answers=stamp, twist=self._commanded, jack=jack)
 
     def fail_internally(self, error: Exception) -> ChassisCommand:
@@ -342,18 +349,29 @@ class Chassis:
                     raise RequestRefused(RefusalCode.PRECONDITION, "a power cable is plugged into the chassis")
                 self._modes.take_remote_twist(twist, self._stamp)
             case JackRequest(direction=direction):
-                if self._book.current is not None:
-                    raise RequestRefused(
-                        RefusalCode.PRECONDITION,
-                        f"move {self._book.current.id} is running; the jack moves only while no move runs",
-                    )
-                if self._modes.emergency_stop:
-                    raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
+                self._check_may_jack()
                 detail = self._jack.request(direction, self._state.jack)
+            case JackSelfCheck():
+                self._check_may_jack()
+                self._motion.load.check_nothing_above()
+                detail = self._jack.check(self._state.jack)
+            case ClearJackErrors():
+                detail = self._jack.clear()
+            case DetectRacks(enable=enable):
+                self._racks.searching = enable
             case SetPose():
                 detail = self._set_pose()
         self._report()
         return Done(detail=detail)
+
+    def _check_may_jack(self) -> None:
+        if self._book.current is not None:
+            raise RequestRefused(
+                RefusalCode.PRECONDITION,
+                f"move {self._book.current.id} is running; the jack moves only while no move runs",
+            )
+        if self._modes.emergency_stop:
+            raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
 
     def _set_pose(self) -> str:
         """Clients give a first guess after they set a map. The localiser of this version finds the pose by itself."""
@@ -395,19 +413,15 @@ class Chassis:
         self._reports.path(self._stamp, self._status)
         self._reports.footprint(self._stamp, self._motion.footprint, self.parameters.values.footprint_expansion)
         self._reports.load(self._stamp, self._motion.load)
+        self._reports.detected_rack(self._status.detected_rack)
+        moving, stuck = self._book.current is not None, status.stuck_state != "none"
         alerts = active_alerts(
             self._state,
-            moving=self._book.current is not None,
-            stuck=self._status.stuck_state != "none",
-            jack_failed=self._jack.failed,
+            self._jack,
+            moving=moving,
+            stuck=stuck,
             map_trouble=self._maps.trouble,
+            slipped=self._motion.load.slipped,
         )
-        self._reports.status(
-            ChassisStatus(
-                stamp=self._stamp,
-                control_mode=self._modes.control_mode,
-                emergency_stop=self._modes.emergency_stop,
-                driver_alive=not self._driver_fault,
-                alerts=alerts,
-            )
-        )
+        alive = not self._driver_fault
+        self._reports.status(chassis_status(self._stamp, self._modes, self._jack, alive, alerts))

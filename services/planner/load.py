@@ -16,18 +16,18 @@ from rackhand.runtime.store import Store
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.codec import explain
 from rackhand.schemas.racks import LoadReport, RackSpec
+from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.errors import StoreError
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.polygon import convex_overlap
 from rackhand.services.planner.geometry.se2 import Pose
-from rackhand.services.planner.jacking import REACHED
+from rackhand.services.planner.jacking import LOADED, REACHED
 from rackhand.services.planner.perception.chassis_state import ChassisState
 
 Array = NDArray[np.float64]
 KEY = "load"
-LOADED = 5.0  # kg on the jack from which on it carries something
 
 
 class LoadState(StrEnum):
@@ -40,15 +40,28 @@ class LoadState(StrEnum):
     DOCKED = "docked"
 
 
+class Slip(StrEnum):
+    """How far a carried rack has moved on the jack since it was lifted."""
+
+    NONE = "none"
+    SLIGHTLY = "slightly"
+    SIGNIFICANTLY = "significantly"
+
+
 class Load(BaseModel):
     """``rack_pose``: x, y, yaw of the rack's frame; in the chassis frame while carried, in the map frame while it is on
-    the floor. None where no rack is known, as then is ``spec``."""
+    the floor. None where no rack is known, as then is ``spec``.
+
+    ``lifted_pose``: of a carried rack when it was measured first, from which its movement counts; None before.
+    """
 
     model_config = ConfigDict(frozen=True)
 
     state: LoadState = LoadState.FREE
     spec: RackSpec | None = None
     rack_pose: tuple[float, float, float] | None = None
+    lifted_pose: tuple[float, float, float] | None = None
+    slipped: Slip = Slip.NONE
 
     @property
     def rack(self) -> Array:
@@ -64,6 +77,12 @@ class Load(BaseModel):
             return body
         points = np.vstack([body.polygon, rack])
         return Footprint.of(points[ConvexHull(points).vertices])
+
+    def check_nothing_above(self) -> None:
+        """Raises ``RequestRefused`` with a rack above the chassis or on it."""
+        if self.state in (LoadState.UNDER_RACK, LoadState.CARRYING):
+            where = "under a rack" if self.state is LoadState.UNDER_RACK else "carrying a rack"
+            raise RequestRefused(RefusalCode.PRECONDITION, f"the chassis is {where}; the jack must move freely")
 
     def report(self, stamp: int) -> LoadReport:
         """As it is published."""

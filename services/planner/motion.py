@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from rackhand.schemas.base import Twist2
 from rackhand.schemas.chassis import ChassisModel
+from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapData
 from rackhand.schemas.moves import MoveCreate
 from rackhand.schemas.racks import RackSpec
@@ -15,8 +16,12 @@ from rackhand.services.planner.behaviors.registry import BEHAVIORS, Registry
 from rackhand.services.planner.behaviors.running import PATIENCE_NS, RunningMove
 from rackhand.services.planner.control.braking_guard import BrakingGuard
 from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
+from rackhand.services.planner.control.load_limits import load_limits
+from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.load import Load, Measured, next_load
+from rackhand.services.planner.load import Load, LoadState, Measured, next_load
+from rackhand.services.planner.perception.carried_rack import WITNESSES, CarriedRack, objects_under
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.perception.pipeline import Perception
 from rackhand.services.planner.planning.worker import PlanWorker
@@ -37,9 +42,12 @@ class Motion:
         self._configured = self.settings = settings
         self._registry = registry
         self._patience_ns = patience_ns
+        self._unloaded = settings.own
         self._body: Footprint | None = None
         self.load = Load()
         self.load_changed = False
+        self._carried = CarriedRack()
+        self._rack_moved: str | None = None
         self.footprint: Footprint | None = None
         self._avoidance = DynamicAvoidance(settings)
         self._guard = BrakingGuard()
@@ -50,23 +58,33 @@ class Motion:
     def set_model(self, model: ChassisModel) -> None:
         """Move this chassis from now on, within its limits."""
         self.settings = self._configured.for_chassis(model)
+        self._unloaded = self.settings.own
         self._avoidance = DynamicAvoidance(self.settings)
         self.set_body(Footprint.of(model.footprint))
 
     @property
     def own_limits(self) -> Limits | None:
-        """What the chassis can do, within the operator's caps; None before ``set_model``."""
-        return None if self._body is None else self.settings.own
+        """What the chassis can do without a load, within the operator's caps; None before ``set_model``."""
+        return None if self._body is None else self._unloaded
 
-    def set_limits(self, limits: Limits) -> None:
-        """Command no more than this from the next tick on, also of the running move; ``set_model`` ends it."""
-        self.settings = self.settings.commanding(limits)
-        self._avoidance.set_limits(limits)
+    def set_limits(self, limits: Limits, load: float = 0.0) -> None:
+        """Command no more than this from the next tick on, also of the running move; ``set_model`` ends it.
 
-    def set_racks(self, specs: tuple[RackSpec, ...]) -> None:
-        """The kinds of racks that may be carried, from the next move on."""
-        self._configured = replace(self._configured, rack_specs=specs)
-        self.settings = replace(self.settings, rack_specs=specs)
+        ``load``: the share (0 to 1) of the greatest load that is on the jack; it limits stops, too.
+        """
+        own = load_limits(self._unloaded, load)
+        self.settings = replace(self.settings, own=own).commanding(limits.within(own))
+        self._avoidance.set_limits(self.settings.control)
+
+    def set_racks(self, specs: tuple[RackSpec, ...], ignore_objects_under_rack: bool) -> None:
+        """The kinds of racks that may be carried, from the next move on; and whether what is under a carried one holds
+        a move."""
+        self._configured = replace(
+            self._configured, rack_specs=specs, ignore_objects_under_rack=ignore_objects_under_rack
+        )
+        self.settings = replace(self.settings, rack_specs=specs, ignore_objects_under_rack=ignore_objects_under_rack)
+        if self._body is not None:
+            self.set_body(self._body)
 
     def set_body(self, body: Footprint) -> None:
         """The outline of the chassis without a load. ``footprint``, which must not touch anything, derives from it."""
@@ -81,6 +99,8 @@ class Motion:
             return changed
         measured = Measured(state, self.perception.pose, self._body)
         load = next_load(self.load, measured, self.settings.unmeasured_rack)
+        load, moved = self._carried.look(load, self.perception.seen, self.settings)
+        self._rack_moved = moved or self._rack_moved
         if load == self.load:
             return changed
         self._take_load(load)
@@ -105,6 +125,7 @@ class Motion:
     def begin(self, request: MoveCreate) -> None:
         """Take a move; its work starts with the next ``step``, so that asking for it costs nothing."""
         self.end()
+        self._rack_moved = None
         self.move = RunningMove(request, self._registry, self._patience_ns)
 
     def end(self) -> None:
@@ -129,7 +150,9 @@ class Motion:
         if self.move.is_new:
             self.perception.begin(stamp)
         self.perception.check_scan(stamp)
-        if (fault := self.perception.scan_fault(stamp)) is not None:
+        if self._rack_moved is not None:
+            raise MoveFailed(MoveFailReason.RACK_MOVED, self._rack_moved)
+        if (fault := self.perception.scan_fault(stamp) or self._under_rack()) is not None:
             self.move.hold(fault)
             return None
         ctx = Context(
@@ -152,6 +175,16 @@ class Motion:
             self._take_load(outcome.load)
             self.load_changed = True
         return outcome
+
+    def _under_rack(self) -> str | None:
+        """Why a move with a rack must wait for what is under it; None if it need not."""
+        seen = self.perception.seen
+        if self.settings.ignore_objects_under_rack or self.load.state is not LoadState.CARRYING:
+            return None
+        if seen is None or self._body is None or len(found := objects_under(self.load, seen, self._body)) < WITNESSES:
+            return None
+        x, y = se2.transformed(seen.chassis, found).mean(axis=0)
+        return f"something is under the rack, about ({x:.2f}, {y:.2f}), and safety.ignore_objects_under_rack is false"
 
     def command(self, wanted: Drive | None, state: ChassisState, limits: Limits) -> Twist2:
         """The twist to command now: what is wanted, within ``limits``, if the guard lets it pass. None brakes."""

@@ -181,12 +181,12 @@ class ParameterService:
         if limits is not None:
             self._basis = replace(self._basis, limits=limits)
         self.values = in_force(self._store.changes, self._basis)
-        self._motion.set_racks(self.values.rack_specs)
+        self._motion.set_racks(self.values.rack_specs, self.values.ignore_objects_under_rack)
         if limits is not None:
-            self._motion.set_limits(commanded(self.values, limits, self._load))
+            self._motion.set_limits(commanded(self.values, limits, self._load), self._load)
 
     def follow_load(self, state: ChassisState) -> None:
-        """Once a tick: velocities depend on what is on the jack."""
+        """Once a tick: velocities and accelerations depend on what is on the jack."""
         load = load_share(state)
         if load == self._load or (load > 0.0 and abs(load - self._load) < LOAD_STEP):
             return

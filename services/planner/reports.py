@@ -8,15 +8,18 @@ from typing import Any
 import numpy as np
 
 from rackhand.schemas import topics
-from rackhand.schemas.base import NANOSECONDS, Message
-from rackhand.schemas.chassis import ChassisFootprint, ChassisStatus, Costmap
+from rackhand.schemas.base import NANOSECONDS, Message, Pose2
+from rackhand.schemas.chassis import Alert, ChassisFootprint, ChassisStatus, Costmap
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import INTENT_MOVE_TYPES, Move, MoveEvent, PlannedPath, PlanningState
+from rackhand.schemas.racks import DetectedRack, RackSpec, RackStates, SeenRacks
 from rackhand.schemas.topics import Topic
 from rackhand.services.planner.behaviors.base import Status
 from rackhand.services.planner.behaviors.running import RunningMove
 from rackhand.services.planner.geometry.footprint import Footprint, expanded
+from rackhand.services.planner.jacking import JackOrders
 from rackhand.services.planner.load import Load
+from rackhand.services.planner.modes import Modes
 from rackhand.services.planner.moves.book import target_of
 
 PERIOD_NS = NANOSECONDS // 5
@@ -43,6 +46,9 @@ class Reports:
         self._costmap_stamp: int | None = None
         self._footprint: tuple[Footprint, float] | None = None
         self._load: Load | None = None
+        self._rack_states: RackStates | None = None
+        self._detected_rack: DetectedRack | None = None
+        self._seen: list[tuple[Pose2, RackSpec]] | None = None
 
     def take(self) -> list[Publication]:
         """All that is due now, in order; each once."""
@@ -108,6 +114,28 @@ class Reports:
             self._load = load
             self._put(topics.LOAD, load.report(stamp))
 
+    def rack_states(self, detected: RackStates | None, remembered: RackStates | None) -> None:
+        """At 1 Hz: what is detected of rack points now; all that is known of them where it has changed."""
+        if detected is not None:
+            self._put(topics.DETECTED_RACK_STATES, detected)
+        if remembered is not None and (
+            self._rack_states is None or _without(self._rack_states) != _without(remembered)
+        ):
+            self._rack_states = remembered
+            self._put(topics.MAP_RACK_STATES, remembered)
+
+    def seen_racks(self, seen: SeenRacks) -> None:
+        """Where it has changed: poses, not only the times at which they were seen."""
+        before, self._seen = self._seen, [(rack.pose, rack.spec) for rack in seen.racks]
+        if before != self._seen:
+            self._put(topics.SEEN_RACKS, seen)
+
+    def detected_rack(self, found: DetectedRack | None) -> None:
+        """What was found in a scan, once."""
+        if found is not None and found is not self._detected_rack:
+            self._put(topics.DETECTED_RACK, found)
+        self._detected_rack = found
+
     def status(self, status: ChassisStatus) -> None:
         if self._status is None or _without(self._status) != _without(status):
             self._status = status
@@ -148,6 +176,20 @@ def planning_state(
         viewport_blocked=status.viewport_blocked,
         flags=tuple(sorted(status.flags)),
         passed_points=status.passed_points,
+    )
+
+
+def chassis_status(
+    stamp: int, modes: Modes, jack: JackOrders, driver_alive: bool, alerts: tuple[Alert, ...]
+) -> ChassisStatus:
+    return ChassisStatus(
+        stamp=stamp,
+        control_mode=modes.control_mode,
+        emergency_stop=modes.emergency_stop,
+        driver_alive=driver_alive,
+        jack_checking=jack.checking,
+        jack_check=jack.check_state,
+        alerts=alerts,
     )
 
 

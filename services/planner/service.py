@@ -14,7 +14,14 @@ from rackhand.runtime.outbox import Outbox
 from rackhand.runtime.store import Settled
 from rackhand.schemas import topics
 from rackhand.schemas.base import Message
-from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.chassis import (
+    ChassisCommand,
+    ChassisRequest,
+    ClearJackErrors,
+    Done,
+    JackRequest,
+    JackSelfCheck,
+)
 from rackhand.schemas.moves import MoveEvent
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import ServiceId
@@ -63,7 +70,7 @@ class PlannerService:
         self._serve(topics.MOVES, chassis.moves)
         self._serve(topics.CHASSIS_PARAMETERS, chassis.parameters.answer)
         self._serve(topics.MAPS, chassis.maps)
-        self._serve(topics.CHASSIS_REQUEST, chassis.chassis)
+        self._serve(topics.CHASSIS_REQUEST, self._answer_chassis)
         self._publishers: dict[str, Any] = {topic.name: bus.publisher(topic, robot) for topic in PUBLICATIONS}
         self.run = self._loop.run
 
@@ -87,6 +94,20 @@ class PlannerService:
                 )
 
         self._loop.on_request(query, serve)
+
+    def _answer_chassis(self, request: ChassisRequest) -> Done:
+        """Orders to the jack are logged, with what became of them."""
+        order = request.request
+        if not isinstance(order, JackRequest | JackSelfCheck | ClearJackErrors):
+            return self._chassis.chassis(request)
+        what = f"jack {order.direction}" if isinstance(order, JackRequest) else order.op.replace("_", " ")
+        try:
+            done = self._chassis.chassis(request)
+        except RequestRefused as refused:
+            log.warning(f"{what} refused", why=refused.text)
+            raise
+        log.info(f"{what} accepted", detail=done.detail)
+        return done
 
     def _settle(self, settled: Settled) -> None:
         failed = self._store.settle(settled)

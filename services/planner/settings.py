@@ -130,7 +130,7 @@ class NavigationSettings:
     """Distances in metres, angles in radians, times in seconds of simulation time."""
 
     control: Limits = field(default_factory=Limits)
-    own: Limits = field(default_factory=Limits)  # what the chassis can; a stop that protects it uses all of that
+    own: Limits = field(default_factory=Limits)  # what it can, with its load; a stop that protects it uses all of that
     caps: SpeedCaps = field(default_factory=SpeedCaps)
     actuation: Actuation = field(default_factory=lambda: Actuation(latency=0.04, lag=0.1))
     noise: PoseNoise = field(default_factory=PoseNoise)
@@ -142,12 +142,20 @@ class NavigationSettings:
     rack_range: float = 5.0  # m from the lidar, within which the scan shows racks and free rack points
     rack_memory: float = 1800.0  # s after it was seen last, when a rack or the state of a rack point is forgotten
 
+    ignore_objects_under_rack: bool = True  # else a move with a rack is held while something is under it
+    rack_moved_slightly: float = 0.03  # m on the jack since it was lifted: a warning
+    rack_turned_slightly: float = math.radians(2.0)
+    rack_moved_far: float = 0.06  # m: the move fails
+    rack_turned_far: float = math.radians(4.0)
+
     # setting a rack down
     rack_point_radius: float = 0.3  # a request within this distance of a rack point means that point
     unload_accuracy: float = 0.02  # of the chassis' position
     unload_position_tolerance: float = 0.006  # where the approach stops
     unload_yaw_tolerance: float = 0.005
     unload_patience: float = 15.0  # while something is where the rack would be
+    area_patience: float = 4.0  # the same, where the next point of an area can be taken instead
+    rack_state_fresh: float = 120.0  # since a rack point was seen, after which an area's move looks at it again
 
     # the map
     slow_zone_velocity: float = 0.4
@@ -182,6 +190,10 @@ class NavigationSettings:
     off_path_distance: float = 0.35
     path_check_distance: float = 5.0
     stop_before_obstacle: float = 0.35
+
+    # given routes
+    route_join_distance: float = 5.0  # from the first point, within which a route may be begun
+    off_line_distance: float = 0.1  # off a given line, as after a push, from which on the chassis drives back to it
 
     # arrival
     position_tolerance: float = 0.012  # where the approach stops, if the goal's accuracy is not smaller

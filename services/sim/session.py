@@ -161,6 +161,7 @@ class Session:
             digest=self.simulation.digest,
             contact_count=contact_log.count,
             contacts=contact_log.rows,
+            touches=self.simulation.touch_log.rows,
             participants=tuple(sorted(str(service) for service in self.pacer.participants)),
             command_stamps=dict(self.pacer.answers),
         )

@@ -31,6 +31,7 @@ from rackhand.services.sim.physics import Physics
 from rackhand.services.sim.world import scenery
 from rackhand.services.sim.world.contact_log import ContactLog
 from rackhand.services.sim.world.editor import Editor
+from rackhand.services.sim.world.touch_log import TouchLog
 from rackhand.worlds.arm_model import load_arm_descriptions
 from rackhand.worlds.chassis_model import ChassisProfile
 from rackhand.worlds.data import PoseTuple, WorldFileError
@@ -91,6 +92,7 @@ class Simulation:
         hulls = {robot.hull: name for name, robot in self.robots.items()}
         hulls |= {int(geom): name for name, arm in self.arms.items() for geom in arm.geoms}
         self.contact_log = ContactLog(hulls, self.model.ngeom, self._owner)
+        self.touch_log = TouchLog(scenery.parts(self.model, self.arms, self.robots))
         self._movables = Movables(world, self.model, self.data)
         self._editor = Editor(
             world,
@@ -102,6 +104,7 @@ class Simulation:
             self._movables,
             self._owner,
             self._controls,
+            self.touch_log,
         )
         self.stamp = 0
         self._hash = hashlib.blake2b(digest_size=16)
@@ -213,6 +216,7 @@ class Simulation:
         for row in controls:
             self._ctrl[:] = row
             step()
+            self.touch_log.observe(self.data, stamp)
             if self.contact_log.touches(self.data):
                 for name, index in self.contact_log.observe(self.model, self.data, stamp):
                     if name in self.robots:
@@ -331,15 +335,21 @@ class Simulation:
     def _populate(self) -> None:
         for name, mover in self.world.movers.items():
             pose, walker = _start_of(mover)
-            self.obstacles.place(name, "person", (mover.radius, mover.height), pose, walker)
+            self._begin_with(name, "person", (mover.radius, mover.height), pose, walker)
         for name, obstacle in self.world.obstacles.items():
-            self.obstacles.place(name, obstacle.kind, obstacle.size, obstacle.pose, None)
+            self._begin_with(name, obstacle.kind, obstacle.size, obstacle.pose, None)
         self._kinematics()
         for name, robot in self.robots.items():
             try:
                 self._editor.check_robot(robot, robot.pose)
             except RequestRefused as refused:
                 raise RequestRefused(refused.code, f"robots.{name}.pose: {refused.text}") from None
+
+    def _begin_with(
+        self, name: str, kind: str, size: tuple[float, ...], pose: PoseTuple, walker: Walker | None
+    ) -> None:
+        placed = self.obstacles.place(name, kind, size, pose, walker)
+        self.touch_log.relabel(self.obstacles.geom_of(placed), name)
 
     def _move_walkers(self, dt: float) -> None:
         robots = [(r.pose, r.profile.body.size[0] / 2, r.profile.body.size[1] / 2) for r in self.robots.values()]

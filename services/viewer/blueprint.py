@@ -24,7 +24,10 @@ _BACKGROUND = rrb.Background(color=(28, 31, 38))
 
 
 # What the views look at, by the name of its robot.
-CHASSIS_SHAPES = ("name", "footprint", "scan", "map", "overlays", "costmap", "path", "trail", "target")
+CHASSIS_SHAPES = (
+    *("name", "footprint", "outline", "scan", "map", "overlays", "costmap", "path", "trail", "target"),
+    *("rack/carried", "rack/floor", "rack/detected", "rack/legs", "rack/staging", "rack/points", "rack/seen"),
+)
 ARM_SHAPES = ("name", "path", "way_points", "trail", "frames/mount", "frames/tool", "frames/target")
 CHASSIS_PLOTS = {
     "Speed": ("speed/forward", "speed/forward_wanted", "speed/turning", "speed/turning_wanted"),

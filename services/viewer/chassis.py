@@ -13,6 +13,7 @@ from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import (
     Battery,
     ChassisCommand,
+    ChassisFootprint,
     ChassisModel,
     ChassisStatus,
     Contacts,
@@ -26,10 +27,20 @@ from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import CurrentMap
 from rackhand.schemas.moves import MoveEvent, PlannedPath, PlanningState
 from rackhand.schemas.planar import yaw_quaternion
+from rackhand.schemas.racks import DetectedRack, LoadReport, RackStates, SeenRacks
 from rackhand.schemas.scan_points import ScanPairing, scan_points
 from rackhand.services.viewer import colours
 from rackhand.services.viewer.items import Drawing, Item, Level, Note, Pose, Row, told_frame
 from rackhand.services.viewer.maps import map_drawings
+from rackhand.services.viewer.racks import (
+    Place,
+    detected_drawings,
+    load_drawings,
+    outline_drawing,
+    rack_points,
+    seen_drawing,
+    states_drawing,
+)
 from rackhand.services.viewer.shapes import curves, ink, line, name_tag, pen
 from rackhand.services.viewer.trail import Trail
 
@@ -51,6 +62,9 @@ class ChassisView:
         self._status: ChassisStatus | None = None
         self._contacts: Contacts | None = None
         self._planning: PlanningState | None = None
+        self._load: LoadReport | None = None
+        self._rack_points: dict[str, Place] = {}
+        self._rack_states: RackStates | None = None
 
     @property
     def frame(self) -> str:
@@ -119,7 +133,29 @@ class ChassisView:
 
     def map(self, message: CurrentMap) -> Iterable[Item]:
         yield from map_drawings(self.robot, message.map)
+        self._rack_points = rack_points(message.map)
+        yield states_drawing(self.robot, self._rack_points, self._rack_states)
         yield self._note(f"map {message.map.map_name!r}" if message.map is not None else "no map")
+
+    def outline(self, footprint: ChassisFootprint) -> Iterable[Item]:
+        """The footprint in force, which grows with a load."""
+        yield outline_drawing(self.robot, self.frame, footprint)
+
+    def load(self, load: LoadReport) -> Iterable[Item]:
+        before, self._load = self._load, load
+        yield from load_drawings(self.robot, self.frame, load)
+        if before is None or before.state != load.state:
+            yield self._note(f"load: {load.state.replace('_', ' ')}")
+
+    def detected_rack(self, found: DetectedRack) -> Iterable[Item]:
+        yield from detected_drawings(self.robot, found)
+
+    def seen_racks(self, seen: SeenRacks) -> Iterable[Item]:
+        yield seen_drawing(self.robot, seen)
+
+    def rack_states(self, states: RackStates) -> Iterable[Item]:
+        self._rack_states = states
+        yield states_drawing(self.robot, self._rack_points, states)
 
     def costmap(self, costmap: Costmap) -> Iterable[Item]:
         rows = costmap.cost.reshape(-1, costmap.columns)

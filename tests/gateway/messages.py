@@ -21,7 +21,16 @@ from rackhand.schemas.chassis import (
 )
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import PlannedPath, PlanningState
-from rackhand.schemas.racks import DetectedRack, LoadReport, RackLevel, RackPoint, RackSpec, RackStates
+from rackhand.schemas.racks import (
+    DetectedRack,
+    LoadReport,
+    RackLevel,
+    RackPoint,
+    RackSpec,
+    RackStates,
+    SeenRack,
+    SeenRacks,
+)
 from rackhand.schemas.world import Clock
 from tests.chassis_models import chassis_model
 from tests.gateway.harness import grey_png
@@ -129,6 +138,11 @@ def detected_rack(detected: bool = True, width: float = 0.91) -> DetectedRack:
 def rack_states(state: Any = "occupied", stamp: int = SECOND) -> RackStates:
     level = RackLevel(stamp=stamp, state=state)
     return RackStates(stamp=stamp, map_uid="hall", racks=(RackPoint(poi_id="storage-1", levels=(level,)),))
+
+
+def seen_racks(*poses: Pose2) -> SeenRacks:
+    racks = tuple(SeenRack(stamp=0, pose=pose, spec=RACK) for pose in poses)
+    return SeenRacks(stamp=0, racks=racks)
 
 
 def costmap(columns: int = 3) -> Costmap:

@@ -48,8 +48,17 @@ class JoinedChassis:
         maps.import_directory(read_map_directory(world_directory(world.session.simulation.world.name)))
         self._stored = maps.current
         self._planning = ThreadPoolExecutor(1, thread_name_prefix="plan")
+        self.core = self._new_core(moves, maps)
+
+    def _new_core(self, moves: MoveStore, maps: MapStore) -> Chassis:
         motion = Motion(NavigationSettings(), self._planning)
-        self.core = Chassis(motion, moves, maps, ParameterStore(self._database), load=LoadStore(self._database))
+        return Chassis(motion, moves, maps, ParameterStore(self._database), load=LoadStore(self._database))
+
+    def restart(self) -> None:
+        """The planner is restarted: all that it knows is what is in its store. It uses the map of the world."""
+        self.core = self._new_core(MoveStore(self._database), MapStore(self._database))
+        self.core.on_clock(self.world.session.clock)
+        self.begin()
 
     def close(self) -> None:
         self._planning.shutdown()
@@ -89,6 +98,10 @@ class JoinedChassis:
 
     def cancel(self, move_id: int | None = None) -> Move:
         return self.core.moves(MoveRequest(request=CancelMove(id=move_id))).moves[0]
+
+    def change(self, request: Any) -> Move:
+        """One of the requests about moves, as to pause the running one."""
+        return self.core.moves(MoveRequest(request=request)).moves[0]
 
     def finish(self, move_id: int, within: float = 240.0) -> Move:
         """Let time pass until that move has ended."""

@@ -144,3 +144,14 @@ def test_with_the_jack_stopped_halfway_it_is_517(carrying: JoinedChassis) -> Non
     move = carrying.drive(unload(1.0, 0.0, 0.0))
     assert (move.state, move.fail_reason) == ("failed", Reason.CARGO_READY_NOT_TRIGGERED), move
     assert "%" in move.fail_message
+
+
+def test_a_given_route_is_driven_first(carrying: JoinedChassis) -> None:
+    move = carrying.post(unload(3.0, 0.0, 0.0, route_coordinates="0, 0, 1.2, 1.2, 2.4, 1.2"))
+    farthest = 0.0
+    while carrying.move(move).state == "moving":
+        carrying.world.advance(0.4)
+        farthest = max(farthest, carrying.world.true_pose(carrying.name).y)
+    assert carrying.move(move).state == "succeeded" and farthest > 1.0
+    metres, degrees = rack_error(carrying, "rack", 3.0, 0.0, 0.0)
+    assert metres < 0.03 and degrees < 1.0

@@ -93,7 +93,7 @@ def test_real_frames_fit_their_schemas_and_others_do_not() -> None:
             topics.CHASSIS_MODEL: messages.model(), topics.COSTMAP: messages.costmap(),
             topics.FOOTPRINT: messages.footprint(), topics.LOAD: messages.load(),
             topics.DETECTED_RACK: messages.detected_rack(), topics.DETECTED_RACK_STATES: messages.rack_states(),
-            topics.MAP_RACK_STATES: messages.rack_states(),
+            topics.MAP_RACK_STATES: messages.rack_states(), topics.SEEN_RACKS: messages.seen_racks(),
         }
     )  # fmt: skip
     for view in websocket_topics():

@@ -375,3 +375,10 @@ def idle(robot: Robot, plant: Plant, seconds: float) -> None:
     end = plant.stamp + int(seconds * 1e9)
     while plant.stamp < end:
         plant.drive(robot.brake())
+
+
+def off_line(points: Array, at: Array) -> float:
+    """Metres from a point (2,) to a polyline (n, 2)."""
+    sides = np.diff(points, axis=0)
+    along = np.clip(np.sum((at - points[:-1]) * sides, axis=1) / np.sum(sides * sides, axis=1), 0.0, 1.0)
+    return float(np.hypot(*(at - points[:-1] - along[:, None] * sides).T).min())

@@ -30,8 +30,9 @@ CAPS = (
     "supportsSetEmergencyStopService",
     "supportsEnableTopicList",
     "supportsCachedTopics",
+    "supportsSystemSettings",
 )
-JACK_CAPS = ("supportsJack", "supportsDynamicFootprints")
+JACK_CAPS = ("supportsJack", "supportsJackCheck", "supportsCrawling", "supportsDynamicFootprints")
 
 
 class BootLog(BaseModel):

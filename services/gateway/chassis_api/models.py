@@ -6,9 +6,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from rackhand.schemas.chassis import CheckState
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapData, MapSummary, Overlays
 from rackhand.schemas.moves import Move, MoveCreate, Name
+from rackhand.schemas.racks import LoadState
+from rackhand.schemas.websocket import PoseFrame
 
 MAX_ID = 2**63 - 1
 Version = Annotated[int, Field(ge=0, le=MAX_ID)]
@@ -159,6 +162,25 @@ class ChassisStatusReply(BaseModel):
     control_mode: str
     emergency_stop_pressed: bool
     wheel_overloaded: bool = False
+
+
+class JackReply(BaseModel):
+    """``progress``: 0 is down, 1 is up; ``weight`` in kg, as the jack's sensor reads it. ``load``: a rack counts as
+    carried once the jack is up.
+    """
+
+    state: Literal["unknown", "hold", "jacking_up", "jacking_down"]
+    progress: float
+    self_checking: bool
+    self_check_state: CheckState
+    weight: float
+    load: LoadState
+
+
+class RackPose(BaseModel):
+    """The middle of a rack, and the heading of a robot under it."""
+
+    pose: PoseFrame
 
 
 class MapIdentity(BaseModel):

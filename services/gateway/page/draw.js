@@ -1,6 +1,8 @@
 // The live map: what is known, drawn from the floor up.
+import { drawRacks } from "./outlines.js";
 import { drawOverlays } from "./overlays.js";
 import { arrow, dot, label, stroke, trace } from "./pen.js";
+import { rackStates } from "./racks.js";
 
 
 export function draw(view, known, aim, colours) {
@@ -9,7 +11,8 @@ export function draw(view, known, aim, colours) {
   view.context.clearRect(0, 0, width, height);
   drawMap(view, known, colours);
   drawGrid(view, known.map, colours);
-  drawOverlays(view, known.info?.overlays, colours);
+  drawOverlays(view, known.info?.overlays, colours, { states: rackStates(known.rackStates), chosen: known.chosen });
+  drawRacks(view, known, colours);
   drawTrail(view, known.trail, colours);
   drawPath(view, known, colours);
   drawScan(view, known.scan?.points, colours);
@@ -89,7 +92,7 @@ function drawScan(view, points, colours) {
 }
 
 // Footprints have x to the robot's right and y to its front.
-function drawRobot(view, { pose: { pos, ori }, model, planning, wheels }, colours) {
+function drawRobot(view, { pose: { pos, ori }, model, body, planning, wheels }, colours) {
   const [cos, sin] = [Math.cos(ori), Math.sin(ori)];
   const toMap = ([right, front]) => [pos[0] + cos * front + sin * right, pos[1] + sin * front - cos * right];
   const moving = planning?.move_state === "moving";
@@ -101,7 +104,13 @@ function drawRobot(view, { pose: { pos, ori }, model, planning, wheels }, colour
     stroke(pen, colours.robot, 2);
     return;
   }
-  const { footprint } = model;
+  const footprint = body ?? model.footprint;
+  const differs = (outline) => JSON.stringify(outline) !== JSON.stringify(footprint);
+  for (const [outline, dash] of [[model.expanded_footprint, [3, 3]], [model.footprint, []]]) {
+    if (!differs(outline)) continue; // with a rack, the outline that must not touch anything is larger
+    trace(view, outline.map(toMap), true);
+    stroke(pen, colours.robot, 1.5, dash);
+  }
   trace(view, footprint.map(toMap), true);
   stroke(pen, colours.halo, 5);
   pen.fillStyle = wheels?.emergency_stop_pressed ? colours.stopped : stuck ? colours.warn : colours.robot;

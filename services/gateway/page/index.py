@@ -31,12 +31,18 @@ _CHASSIS = {
     "current-map": "/chassis/current-map",
     "pose": "/chassis/pose",
     "status": "/chassis/status",
+    "jack": "/chassis/jack",
 }
 _SERVICES = (
     "/services/wheel_control/set_control_mode",
     "/services/wheel_control/set_emergency_stop",
     "/services/jack_up",
     "/services/jack_down",
+    "/services/jack_self_check",
+    "/services/clear_jack_errors",
+    "/services/start_rack_size_detection",
+    "/services/stop_rack_size_detection",
+    "/services/query_pose/rack_pose",
 )
 
 

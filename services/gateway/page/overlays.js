@@ -12,13 +12,14 @@ const LINES = { 1: ["path", []], 2: ["forbidden", [8, 5]], 3: ["quiet", [4, 4]],
 const [CHARGER, RACK, DOCKING] = ["9", "34", "36"];
 const RACK_SIDE = 0.8; // metres; a place for a rack, not a rack's own size
 
-export function drawOverlays(view, overlays, colours) {
+// `racks`: what is known of rack points, by id, and the id of the one that is chosen.
+export function drawOverlays(view, overlays, colours, racks) {
   view.context.font = FONT; // names are measured before they are written
   const features = (overlays?.features ?? []).filter(({ geometry }) => geometry);
   const of = (kind) => features.filter(({ geometry }) => geometry.type === kind);
   for (const feature of of("Polygon")) drawRegion(view, feature, colours);
   for (const feature of of("LineString")) drawLine(view, feature, colours);
-  for (const feature of of("Point")) drawPoint(view, feature, colours);
+  for (const feature of of("Point")) drawPoint(view, feature, colours, racks);
 }
 
 function drawRegion(view, { geometry, properties }, colours) {
@@ -46,7 +47,7 @@ function drawLine(view, { geometry, properties }, colours) {
   stroke(view.context, colours[kind], 2, dash);
 }
 
-function drawPoint(view, { geometry, properties }, colours) {
+function drawPoint(view, { id, geometry, properties }, colours, { states, chosen }) {
   const [x, y] = view.toScreen(geometry.coordinates);
   const type = String(properties?.type);
   const pen = view.context;
@@ -59,7 +60,16 @@ function drawPoint(view, { geometry, properties }, colours) {
     pen.rotate(-yaw);
     pen.beginPath();
     pen.rect(-half, -half, 2 * half, 2 * half);
-    stroke(pen, colours.rack, 1.5, [4, 3]);
+    if (states[id] === "occupied") {
+      pen.fillStyle = colours.rack + "30";
+      pen.fill();
+    }
+    stroke(pen, colours.rack, 1.5, states[id] === "free" ? [] : [4, 3]);
+    if (String(id) === chosen) {
+      pen.beginPath();
+      pen.rect(-half - 4, -half - 4, 2 * half + 8, 2 * half + 8);
+      stroke(pen, colours.aim, 2.5);
+    }
     pen.beginPath(); // the side a robot comes from
     pen.moveTo(-half, -half);
     pen.lineTo(-half, half);

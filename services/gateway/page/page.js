@@ -2,6 +2,7 @@
 import { draw, paintMap } from "./draw.js";
 import { Drive, listenToMap } from "./gestures.js";
 import { at, complain, showState, showCursor, showHealth, showLink, showMoves, showRobot } from "./panel.js";
+import { RackJobs } from "./racks.js";
 import { View } from "./view.js";
 import { TOPICS, Wire, ask, order } from "./wire.js";
 
@@ -17,6 +18,7 @@ const COLOURS = [
 
 const view = new View(at("map"));
 const known = { trail: [] };
+const jobs = new RackJobs(command, changed);
 let colours = readColours();
 let aim = null;
 let redraw = false;
@@ -34,7 +36,8 @@ function changed() {
   redraw = true;
   requestAnimationFrame(() => {
     redraw = false;
-    draw(view, known, aim, colours);
+    jobs.show(known);
+    draw(view, { ...known, chosen: jobs.chosen?.key }, aim, colours);
     showState(known);
   });
 }
@@ -47,6 +50,8 @@ function receive(message) {
     if (name === "map") loadMap(message);
     if (name === "planning") hearPlanning(before, message);
     if (name === "pose") extendTrail(message.pos);
+    if (name === "model" && !known.body) loadBody();
+    if (name === "detected") known.detectedAt = Date.now();
     changed();
   } else if (message.topic === "/twist_feedback") {
     drive.answered();
@@ -93,6 +98,14 @@ async function loadMoves() {
   changed();
 }
 
+// The outline of the robot without a load; until it is known, the outline in force stands for it.
+async function loadBody() {
+  const { ok, answer } = await ask("GET", "/device/info").catch(() => ({}));
+  if (!ok) return;
+  known.body = answer.robot.footprint;
+  changed();
+}
+
 async function loadHealth() {
   const { answer } = await ask("GET", "/healthz").catch(() => ({}));
   showHealth(answer?.services ? answer : null);
@@ -113,6 +126,10 @@ function link(connected) {
 listenToMap(view, {
   onAim: (now) => { aim = now; changed(); },
   onGo: ({ pos: [x, y], ori }) => {
+    if (ori === undefined && jobs.choose([x, y])) {
+      changed();
+      return;
+    }
     const move = { creator: "gateway page", type: "standard", target_x: x, target_y: y };
     command("POST", "/chassis/moves", ori === undefined ? move : { ...move, target_ori: ori });
   },

@@ -2,6 +2,7 @@
 
 const LOOKS = { moving: "busy", succeeded: "good", failed: "bad", cancelled: "warn" };
 const STUCK = { move_stucked: "Blocked by an obstacle.", target_spin_stucked: "No room to turn to the heading." };
+const LOADS = { under_rack: "warn", carrying: "busy", docked: "good" };
 const TOAST = 8000; // ms
 
 export const at = (id) => document.getElementById(id);
@@ -16,7 +17,7 @@ const place = ({ pos, ori }) => `${number(pos[0], 2)}, ${number(pos[1], 2)} m ·
 const words = (name) => name.replaceAll("_", " ");
 
 export function showState(known) {
-  const { planning, pose, motion, slam, wheels, jack, battery, alerts } = known;
+  const { planning, pose, motion, slam, wheels, jack, load, battery, alerts } = known;
   if (planning) showMove(known);
   if (pose) show("pose", place(pose));
   if (motion) show("speed", `${number(motion.linear_velocity, 2)} m/s · ${degrees(motion.angular_velocity)}/s`);
@@ -25,7 +26,8 @@ export function showState(known) {
     dress("slam", slam.reliable ? "" : "bad");
   }
   if (wheels) showWheels(wheels);
-  if (jack) show("jack", `${words(jack.state)} · ${number(jack.progress * 100, 0)} % up`);
+  if (jack) show("jack", `${words(jack.state)} · ${number(jack.progress * 100, 0)} % up · ${number(jack.weight, 0)} kg`);
+  if (load) badge("load", words(load.state), LOADS[load.state]);
   if (battery) {
     show("battery", `${number(battery.percentage * 100, 0)} % · ${battery.power_supply_status}`);
     at("charge").value = battery.percentage;
@@ -42,13 +44,18 @@ function showMove({ planning, longest, moves }) {
   show("move-left", moving ? `${number(planning.remaining_distance, 2)} m` : "–");
   at("move-progress").value = moving
     ? (longest ? 1 - planning.remaining_distance / longest : 0) : Number(planning.move_state === "succeeded");
-  const blocked = moving && planning.stuck_state !== "none";
   const failed = planning.move_state === "failed";
   const record = moves?.find(({ id }) => id === planning.action_id);
-  show("move-note", blocked ? (STUCK[planning.stuck_state] ?? words(planning.stuck_state)) : failed ? reason(record ?? planning) : "");
-  dress("move-note", blocked ? "warn" : "");
-  hide("move-note", !(blocked || failed));
+  const note = failed ? reason(record ?? planning) : moving ? hindrance(planning) : "";
+  show("move-note", note);
+  dress("move-note", failed ? "" : "warn");
+  hide("move-note", !note);
   at("cancel").disabled = !moving;
+}
+
+// Why a move does not go on, or an empty text.
+function hindrance({ stuck_state, message }) {
+  return stuck_state === "none" ? (message ?? "") : (STUCK[stuck_state] ?? words(stuck_state));
 }
 
 // "15 move timeout: blocked for 30 s" of a move's record, or of a planning state, which has no message.

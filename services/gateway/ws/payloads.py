@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rackhand.schemas import topics
 from rackhand.schemas import websocket as ws
 from rackhand.schemas.base import Pose2
+from rackhand.schemas.chassis import ChassisStatus
 from rackhand.schemas.maps import MapData
 from rackhand.schemas.scan_points import scan_points
 from rackhand.services.gateway.chassis_api.models import fail_reason
@@ -228,8 +229,13 @@ def jack_state(facts: Facts) -> ws.JackState | None:
     jack = facts.newest(topics.JACK)
     if jack is None:
         return None
+    status = facts.newest(topics.CHASSIS_STATUS) or ChassisStatus(stamp=0)
     return ws.JackState(
-        state=jack.state, progress=jack.progress, self_checking=False, self_check_state="no_error", weight=jack.weight
+        state=jack.state,
+        progress=jack.progress,
+        self_checking=status.jack_checking,
+        self_check_state=status.jack_check,
+        weight=jack.weight,
     )
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from rackhand.schemas import planar, topics
 from rackhand.schemas.base import Pose2
-from rackhand.schemas.racks import RackStates
+from rackhand.schemas.racks import RackSpec, RackStates
 from rackhand.schemas.websocket_racks import (
-    CarriedRack,
     DetectedRackFrame,
     DetectedRackStates,
     LoadFrame,
@@ -14,6 +13,8 @@ from rackhand.schemas.websocket_racks import (
     RackBox,
     RackLevelRow,
     RackPointRow,
+    RackShape,
+    SeenRacksFrame,
 )
 from rackhand.services.gateway.ws.facts import Facts
 from rackhand.services.gateway.ws.payloads import payload, pose_frame
@@ -27,15 +28,13 @@ def load_state(facts: Facts) -> LoadFrame | None:
     pose = rack_pose(facts)
     if load.spec is None or pose is None:
         return LoadFrame(state=load.state)
-    return LoadFrame(
-        state=load.state,
-        rack=CarriedRack(
-            pose=pose_frame(pose),
-            width=load.spec.width,
-            depth=load.spec.depth,
-            outline=[_rounded(planar.transform(_tuple(pose), x, y)) for x, y in load.spec.outline().tolist()],
-        ),
-    )
+    return LoadFrame(state=load.state, rack=_shape(pose, load.spec))
+
+
+@payload(SeenRacksFrame)
+def seen_racks(facts: Facts) -> SeenRacksFrame | None:
+    seen = facts.newest(topics.SEEN_RACKS)
+    return None if seen is None else SeenRacksFrame(racks=[_shape(rack.pose, rack.spec) for rack in seen.racks])
 
 
 @payload(DetectedRackFrame)
@@ -84,6 +83,11 @@ def _rack_points(facts: Facts, states: RackStates) -> list[RackPointRow]:
         )
         for point in states.racks
     ]
+
+
+def _shape(pose: Pose2, spec: RackSpec) -> RackShape:
+    outline = [_rounded(planar.transform(_tuple(pose), x, y)) for x, y in spec.outline().tolist()]
+    return RackShape(pose=pose_frame(pose), width=spec.width, depth=spec.depth, outline=outline)
 
 
 def _tuple(pose: Pose2) -> planar.PlanarPose:

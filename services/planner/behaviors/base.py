@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.moves import PlanningFlag, StuckState
+from rackhand.schemas.racks import DetectedRack
 from rackhand.services.planner.control.dynamic_avoidance import DynamicAvoidance
 from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.geometry.se2 import Pose, advanced
 from rackhand.services.planner.load import Load
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
@@ -55,6 +56,7 @@ class Status:
     ``target`` is None for a move that has an ``intent_target`` instead, the pose of a rack or a charger as it is known
     by now; without either the requested pose is shown. ``path``: rows x, y, yaw ahead in the map frame. ``plans``
     counts the paths taken so far; from the second on it is a replanned one. ``passed_points``: of a given route.
+    ``detected_rack``: what a search in the scan of this tick found; None without one.
     """
 
     target: Pose2 | None = None
@@ -67,6 +69,7 @@ class Status:
     plans: int = 0
     passed_points: int = 0
     flags: frozenset[PlanningFlag] = frozenset()
+    detected_rack: DetectedRack | None = None
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,11 @@ class Context:
     settings: NavigationSettings
     plans: PlanWorker
     avoidance: DynamicAvoidance
+
+    @property
+    def predicted(self) -> Pose:
+        """The pose at which a command given now takes effect."""
+        return advanced(self.pose, self.twist, self.settings.actuation.latency)
 
     def request_plan(self, request: PlanRequest) -> None:
         """Ask for a plan on the map and what is observed on it now; ``plans.collect()`` has the answer, a tick later at

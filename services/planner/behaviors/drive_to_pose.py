@@ -28,36 +28,33 @@ Why such a move fails, and when:
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
-from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
+from rackhand.services.planner.behaviors.base import Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.plan_keeper import PlanKeeper, ahead_of
 from rackhand.services.planner.control import driving
 from rackhand.services.planner.control.goal_checker import GoalChecker, is_still
 from rackhand.services.planner.control.progress_checker import Phase, ProgressWatch
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.errors import MoveFailed
-from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose, wrap
+from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
 from rackhand.services.planner.planning.goals import Goal, check_goal, check_start
 
 NO_FIELD = np.empty((0, 0), dtype=np.float32)
 
 
-def for_request(request: MoveCreate) -> Behavior:
-    return DriveToPose(
-        Goal(
-            x=request.target_x,
-            y=request.target_y,
-            yaw=request.target_ori,
-            accuracy=request.target_accuracy or Goal.accuracy,  # clients send 0 for "as usual"
-            zone=bool(request.use_target_zone),
-            rotate_in_place=request.properties.get("inplace_rotate") is True,
-        )
+def goal_of(request: MoveCreate) -> Goal:
+    """The goal of a ``standard`` move."""
+    return Goal(
+        x=request.target_x,
+        y=request.target_y,
+        yaw=request.target_ori,
+        accuracy=request.target_accuracy or Goal.accuracy,  # clients send 0 for "as usual"
+        zone=bool(request.use_target_zone),
+        rotate_in_place=request.properties.get("inplace_rotate") is True,
     )
 
 
@@ -148,7 +145,7 @@ class DriveToPose:
         stop_within = self._checker.stop_within if route.is_last else driving.SEGMENT_END
         if not driving.has_ended(route, ctx.pose, stop_within):
             return driving.follow(
-                route, _predicted(ctx), ctx.twist, self._keeper.free, ctx.costmap, ctx.footprint, ctx.settings,
+                route, ctx.predicted, ctx.twist, self._keeper.free, ctx.costmap, ctx.footprint, ctx.settings,
                 self._goal.rotate_in_place,
             )  # fmt: skip
         if not is_still(ctx.twist):
@@ -164,7 +161,7 @@ class DriveToPose:
             self._arrive(ctx)
             return STANDSTILL
         if not self._checker.has_heading(ctx.pose):
-            ahead = _predicted(ctx)
+            ahead = ctx.predicted
             error = self._checker.heading_error(ahead)
             return driving.turn(ahead, error, ctx.costmap, ctx.footprint, ctx.settings)
         if is_still(ctx.twist):
@@ -196,7 +193,7 @@ class DriveToPose:
         route = self._keeper.route
         cost = NO_FIELD if route is None else route.plan.cost
         goal = self._checker.as_pose(ctx.pose)
-        return ctx.avoidance.command(_predicted(ctx), ctx.twist, ctx.commanded, ctx.costmap, cost, goal, ctx.footprint)
+        return ctx.avoidance.command(ctx.predicted, ctx.twist, ctx.commanded, ctx.costmap, cost, goal, ctx.footprint)
 
     # -- progress ----------------------------------------------------------------------------------------------------
 
@@ -226,11 +223,3 @@ class DriveToPose:
             viewport_blocked=ctx.vetoed or self._keeper.is_blocked,
             plans=self._keeper.plans,
         )
-
-
-def _predicted(ctx: Context) -> Pose:
-    """The pose at which a command given now takes effect."""
-    t, twist, pose = ctx.settings.actuation.latency, ctx.twist, ctx.pose
-    yaw = pose[2] + 0.5 * twist.angular * t
-    step = twist.linear * t
-    return np.array([pose[0] + step * math.cos(yaw), pose[1] + step * math.sin(yaw), pose[2] + twist.angular * t])

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
-from rackhand.services.planner.behaviors import deprecated, drive_to_pose, to_unload_point
+from rackhand.services.planner.behaviors import along_given_route, approach, deprecated, rack_area
 from rackhand.services.planner.behaviors.base import Behavior
 from rackhand.services.planner.errors import MoveFailed
 
@@ -14,9 +14,11 @@ Factory = Callable[[MoveCreate], Behavior]
 Registry = Mapping[str, Factory]
 
 BEHAVIORS: Registry = {
-    "none": drive_to_pose.for_request,
-    "standard": drive_to_pose.for_request,
-    "to_unload_point": to_unload_point.for_request,
+    "none": approach.for_request,
+    "standard": approach.for_request,
+    "align_with_rack": rack_area.align_for_request,
+    "to_unload_point": rack_area.unload_for_request,
+    "along_given_route": along_given_route.for_request,
     "leave_elevator": deprecated.for_request,
     "pull_over": deprecated.for_request,
     "parking": deprecated.for_request,

@@ -7,7 +7,9 @@ from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
 from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.registry import Registry, behavior_for
+from rackhand.services.planner.behaviors.undock import Undock, undocking
 from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry.se2 import STANDSTILL
 
 PATIENCE_NS = 10 * NANOSECONDS
 
@@ -21,6 +23,7 @@ class RunningMove:
         self._patience_ns = patience_ns
         self._behavior: Behavior | None = None
         self._stepped = False
+        self._undock: Undock | None = None
         self._waiting_since: int | None = None
         self._awaits_jack = False
         self.held_by: str | None = None
@@ -61,15 +64,23 @@ class RunningMove:
             raise MoveFailed(MoveFailReason.PLATFORM_ALERT_ERROR, text)
 
     def step(self, ctx: Context) -> Drive | Done:
-        """One control step of the behaviour."""
+        """One control step of the behaviour; before its first one, those that drive out of what the chassis is in."""
         self.prepare()
         assert self._behavior is not None
+        if not self._stepped:
+            self._undock = undocking(ctx, self._request, self._behavior)
+        current = self._undock or self._behavior
         if self.held_by is not None and self._stepped:
-            self._behavior.resume(ctx)
+            current.resume(ctx)
         self.held_by = self._waiting_since = None
         self._stepped = True
-        return self._behavior.step(ctx)
+        outcome = current.step(ctx)
+        if self._undock is not None and isinstance(outcome, Done):
+            self._undock = None
+            return Drive(STANDSTILL, load=outcome.load)
+        return outcome
 
     def status(self) -> Status:
         """Empty before the first step."""
-        return Status() if self._behavior is None or not self._stepped else self._behavior.status()
+        current = self._undock or self._behavior
+        return Status() if current is None or not self._stepped else current.status()

@@ -2,7 +2,8 @@
 
 The goal of the chassis is the target pose of the rack, composed with the inverse of where the rack is on the jack. A
 target need not be a rack point of the map. Without ``target_ori`` the rack takes the yaw of the rack point within
-``rack_point_radius``; where there is none, the first of a few headings that the map has room for.
+``rack_point_radius``; where there is none, one of a few headings that the map has room for. With ``route_coordinates``
+it is driven along that route first, as by a standard move.
 
 Why such a move fails beside the reasons of a standard move for a start (3, 5) and for what the chassis lacks (2, 16,
 17, 1000):
@@ -10,6 +11,7 @@ Why such a move fails beside the reasons of a standard move for a start (3, 5) a
 ==== ========================== =======================================================================================
   #  reason                     raised
 ==== ========================== =======================================================================================
+500  invalid_rack_detection_pos at start: ``properties.rack_layer`` is no level of the area that the point is in
 503  unload_point_occupied      for ``unload_patience`` the scan shows something where the rack would be, while the
                                 chassis waits for it in front of the place
 504  unload_point_unreachable   the rack would overlap what is not traversable or leave the map; or a standard move to
@@ -29,6 +31,8 @@ from rackhand.schemas.base import NANOSECONDS, Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import PointType
 from rackhand.schemas.moves import MoveCreate
+from rackhand.services.planner.behaviors.align_with_rack import checked_layer
+from rackhand.services.planner.behaviors.approach import approach
 from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose
 from rackhand.services.planner.control.goal_checker import is_still
@@ -85,6 +89,8 @@ def target_of(request: MoveCreate, overlays: MapOverlays, radius: float) -> Unlo
         text = "to_unload_point needs target_x and target_y, or rack_area_id"
         raise MoveFailed(MoveFailReason.UNLOAD_POINT_UNREACHABLE, text)
     point = overlays.nearest_point(PointType.RACK, request.target_x, request.target_y, radius)
+    if point is not None:
+        checked_layer(request.properties.get("rack_layer"), point, overlays)
     yaw = request.target_ori
     if yaw is None and point is not None:
         yaw = point.yaw
@@ -174,7 +180,7 @@ class ToUnloadPoint:
     """Drives as a standard move does, with tighter tolerances, and watches the place meanwhile."""
 
     _target: UnloadTarget
-    _drive: DriveToPose
+    _drive: Behavior
 
     def __init__(self, request: MoveCreate, target: UnloadTarget | None = None) -> None:
         """``target``: in place of the request's."""
@@ -182,6 +188,7 @@ class ToUnloadPoint:
         self._chosen = target
         self._begun = False
         self._goal: Pose = np.zeros(3)
+        self._rack_pose: tuple[float, float, float] | None = None
         self._occupied_since: int | None = None
         self._status = Status()
 
@@ -194,16 +201,20 @@ class ToUnloadPoint:
         self._begun = True
 
     def _plan(self, ctx: Context) -> None:
-        """Begin (anew) to drive to where the chassis must be."""
+        """Begin to drive to where the chassis must be; anew where the rack has moved on the jack."""
+        self._rack_pose = ctx.load.rack_pose
         self._goal = reachable_goal(ctx, self._target)
         x, y, yaw = self._goal.tolist()
-        self._drive = DriveToPose(Goal(x, y, yaw, ctx.settings.unload_accuracy))
+        goal = Goal(x, y, yaw, ctx.settings.unload_accuracy)
+        self._drive = DriveToPose(goal) if self._begun else approach(goal, self._request)
 
     # -- stages ------------------------------------------------------------------------------------------------------
 
     def step(self, ctx: Context) -> Drive | Done:
         if not self._begun:
             self._begin(ctx)
+        elif ctx.load.rack_pose != self._rack_pose:
+            self._plan(ctx)
         occupied = self._watch(ctx)
         try:
             outcome = self._drive.step(self._inner(ctx))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rackhand.schemas.base import Twist2
-from rackhand.services.planner.control.pursuit import approach_speed, curvature, regulated_speed, turn_rate
+from rackhand.services.planner.control.pursuit import Tracker, approach_speed, curvature, regulated_speed, turn_rate
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
@@ -46,7 +46,7 @@ def follow(
     limit = -s.control.max_backward_velocity if tracker.segment.backward else s.control.max_forward_velocity
     limit = min(limit, costmap.speed_limit(pose))
     speed = regulated_speed(kappa, costmap.near.clearance(footprint, pose), limit, s)
-    speed = min(speed, approach_speed(tracker.left(pose), s.approach_decel, s.actuation.lag), _speed_before(free, s))
+    speed = min(speed, approach_speed(tracker.left(pose), s.approach_decel, s.actuation.lag), speed_before(free, s))
     # The more the look-ahead point is to the side, the slower: most of the turn comes first.
     speed *= max(MIN_BEARING_FACTOR, math.cos(min(abs(bearing), math.pi / 2)))
     angular = speed * kappa
@@ -55,7 +55,7 @@ def follow(
     return Twist2(linear=-speed if tracker.segment.backward else speed, angular=angular)
 
 
-def _speed_before(free: float, s: NavigationSettings) -> float:
+def speed_before(free: float, s: NavigationSettings) -> float:
     """The speed that keeps ``stop_before_obstacle`` when ``free`` metres of path are free; infinite for all of it."""
     if not math.isfinite(free):
         return math.inf
@@ -75,7 +75,10 @@ def turn(pose: Pose, error: float, costmap: LocalCostmap, footprint: Footprint, 
 def has_ended(route: Route, pose: Pose, stop_within: float) -> bool:
     """Whether the end of the current segment is within ``stop_within`` metres (of the goal; ``SEGMENT_END`` of other
     ends), or passed so closely that driving on brings the chassis no nearer."""
-    tracker = route.current
+    return is_at_end(route.current, pose, stop_within if route.is_last else SEGMENT_END)
+
+
+def is_at_end(tracker: Tracker, pose: Pose, within: float) -> bool:
+    """The same for one segment and a distance in metres."""
     left = tracker.left(pose)
-    within = stop_within if route.is_last else SEGMENT_END
     return left <= within or (tracker.aligned and left < NEAR_END and tracker.overrun(pose) >= -BESIDE_END)

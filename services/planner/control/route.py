@@ -49,12 +49,12 @@ class Route:
         """Metres of path ahead along which the footprint is free (infinite if all of ``reach`` is), and the point (2,)
         where it is not."""
         points = self.ahead()
-        free, index = _first_blocked(costmap.near, footprint, points, reach)
+        free, index = first_blocked(costmap.near, footprint, points, reach)
         return float(free), points[index, :2]
 
 
 @compiled
-def _first_blocked(grid: DistanceGrid, footprint: Footprint, points: Array, reach: float) -> tuple[float, int]:
+def first_blocked(grid: DistanceGrid, footprint: Footprint, points: Array, reach: float) -> tuple[float, int]:
     """Metres of path to the first of the rows x, y, yaw that is blocked, and its index; infinite and 0 for none."""
     travelled = 0.0
     for k in range(len(points)):

@@ -38,6 +38,13 @@ def interpolate(a: Pose, b: Pose, fraction: float) -> Pose:
     return np.array([a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1]), yaw])
 
 
+def advanced(pose: Pose, twist: Twist2, seconds: float) -> Pose:
+    """Where a body twist, kept for so long, takes a chassis."""
+    yaw = pose[2] + 0.5 * twist.angular * seconds
+    step = twist.linear * seconds
+    return np.array([pose[0] + step * math.cos(yaw), pose[1] + step * math.sin(yaw), pose[2] + twist.angular * seconds])
+
+
 def transformed(frame: Pose, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points, (n, 2) in the frame of ``frame``, in its parent frame."""
     c, s = math.cos(frame[2]), math.sin(frame[2])

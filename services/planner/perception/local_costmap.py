@@ -10,17 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rackhand.schemas.chassis import Scan
+from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.control.braking_guard import as_obstacles, nearby_cells
 from rackhand.services.planner.geometry.cells import Geometry, cells_in
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.polygon import inside_convex
-from rackhand.services.planner.geometry.se2 import Pose, compose
+from rackhand.services.planner.geometry.se2 import Pose, compose, transformed
 from rackhand.services.planner.geometry.se2 import pose as as_pose
 from rackhand.services.planner.load import Load
 from rackhand.services.planner.map.grid import Mask, StaticMap
 from rackhand.services.planner.perception.dynamic_obstacles import DynamicObstacleTracker
 from rackhand.services.planner.perception.observed import ObservedObstacles
-from rackhand.services.planner.perception.racks import KnownRack, RackTracker
+from rackhand.services.planner.perception.rack_points import RackPoints
+from rackhand.services.planner.perception.racks import KnownRack, RackTracker, RackView
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -37,6 +39,7 @@ class LocalCostmap:
         self.observed = ObservedObstacles(static, settings)
         self.movers = DynamicObstacleTracker()
         self.racks = RackTracker(static.geometry, settings)
+        self.rack_points = RackPoints(static, settings)
         self._velocities: Array = np.empty((0, 2))
         self._settings = settings
         self._cells: Array = np.empty((0, 2))
@@ -48,12 +51,24 @@ class LocalCostmap:
         self.mapped = DistanceGrid.of(static.blocked, static.geometry)
         self.near = self.mapped
 
-    def look(self, scan: Scan, chassis: Pose, footprint: Footprint, load: Load | None = None) -> None:
-        """Take a scan that was seen with the chassis at that pose."""
+    def look(
+        self,
+        scan: Scan,
+        chassis: Pose,
+        footprint: Footprint,
+        load: Load | None = None,
+        specs: tuple[RackSpec, ...] | None = None,
+    ) -> None:
+        """Take a scan that was seen with the chassis at that pose. ``specs``: the kinds of racks, if not those of the
+        settings."""
         self.observed.integrate(scan, chassis, footprint.edges)
         sensor = compose(chassis, as_pose(scan.sensor))
         self._velocities = self.movers.update(self.observed, sensor[:2], scan.stamp)
-        self.racks.look(self.observed, sensor, chassis, load or Load(), scan.stamp)
+        outline = transformed(chassis, footprint.polygon)
+        kinds = self._settings.rack_specs if specs is None else specs
+        view = RackView(self.observed, sensor, chassis, outline, load or Load(), kinds, scan.stamp)
+        self.racks.look(view)
+        self.rack_points.look(view, self.racks)
         for mover in self.movers.moving:
             self.observed.shorten(mover.position, mover.radius + 0.3)
 

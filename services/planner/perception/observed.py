@@ -148,7 +148,7 @@ class ObservedObstacles:
     def survey(self, cells: NDArray[np.int64], scans: int) -> tuple[Flags, Flags]:
         """Of cells given by flat indices: which hold an obstacle that was seen, and which were seen free, in the last
         ``scans`` scans. What is near an obstacle of the map is that obstacle."""
-        e, since = self._evidence, self._scans - scans
+        e, since = self._evidence, max(self._scans - scans, 0)
         firm = e.level.reshape(-1)[cells] >= OCCUPIED
         occupied = firm & (e.touched.reshape(-1)[cells] > since) & (e.expires.reshape(-1)[cells] > self._scans)
         free = ~firm & (e.seen_free.reshape(-1)[cells] > since)

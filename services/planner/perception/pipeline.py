@@ -90,7 +90,7 @@ class Perception:
             points = points_of(scan, self._settings.obstacle_range, self._body or footprint)
             odometry, sensor = self._filter.odometry_at(scan.stamp), se2.pose(scan.sensor)
             self.seen = SeenScan(scan.stamp, points, chassis, odometry, sensor)
-            self.costmap.look(scan, chassis, footprint, self._load)
+            self.costmap.look(scan, chassis, footprint, self._load, self._settings.rack_specs)
             self.costmap.refresh(self.pose)
 
     def begin(self, stamp: int) -> None:

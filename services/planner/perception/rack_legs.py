@@ -84,6 +84,22 @@ def find_racks(points: Array, sensor: Array, specs: Sequence[RackSpec]) -> list[
     return taken
 
 
+def measure_racks(points: Array, sensor: Array, leg_size: float) -> list[RackSighting]:
+    """All racks in a scan that show four legs, of whatever size; ``leg_size`` is that of a leg in metres. No leg
+    belongs to two of them: the better rectangle has it."""
+    clusters = small_clusters(points, sensor)
+    sizes = [
+        (found, RackSpec(width=found.width + leg_size, depth=found.depth + leg_size, leg_size=leg_size))
+        for found in _rectangles(clusters)
+    ]
+    fits = [fit for found, size in sizes if (fit := _as_kind(clusters, sensor, found, size)) is not None]
+    taken: list[RackSighting] = []
+    for fit in sorted(fits, key=lambda fit: fit.rms):
+        if not any(_share_a_leg(fit, other) for other in taken):
+            taken.append(fit)
+    return taken
+
+
 def describe_miss(points: Array, sensor: Array, prior: Pose, specs: Sequence[RackSpec]) -> str:
     """What is near ``prior`` instead of a rack of ``specs``, in the words of the real robot where it has some."""
     near = _near(small_clusters(points, sensor), prior, specs)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,19 @@ MOVED = 0.05  # m off the known pose, from which on a sighting replaces it
 BLEND = 0.2  # least weight of a newer sighting
 RIM = 0.75  # share of the outline's size, within which cells are not at its rim
 REDRAW = 0.015  # m or rad by which a pose must change for its cells to be computed anew
+
+
+class RackView(NamedTuple):
+    """One scan as racks are looked for in it. ``observed`` has just integrated it. ``sensor`` and ``chassis`` are the
+    poses of lidar and chassis in the map then; ``outline`` is that of the chassis, (n, 2) in the map frame."""
+
+    observed: ObservedObstacles
+    sensor: Pose
+    chassis: Pose
+    outline: Array
+    load: Load
+    specs: tuple[RackSpec, ...]
+    stamp: int
 
 
 class Legs(Enum):
@@ -125,16 +139,16 @@ class RackTracker:
         found = min(self.racks, key=lambda rack: math.hypot(rack.pose[0] - x, rack.pose[1] - y), default=None)
         return found if found is not None and math.hypot(found.pose[0] - x, found.pose[1] - y) <= radius else None
 
-    def look(self, observed: ObservedObstacles, sensor: Pose, chassis: Pose, load: Load, stamp: int) -> None:
-        """Take the scan that ``observed`` has just integrated. ``sensor``: the lidar's pose in the map then."""
-        self._follow_load(load, chassis, stamp)
+    def look(self, view: RackView) -> None:
+        """Take a scan."""
+        self._follow_load(view.load, view.chassis, view.stamp)
         self._scans += 1
         phase = self._scans % SEARCH_EVERY
         if phase == SEARCH_AT:
-            self._search(observed, sensor, stamp)
+            self._search(view)
         elif phase == CHECK_AT:
-            self._check(observed, sensor, stamp)
-            self._refine(observed, sensor, stamp)
+            self._check(view)
+            self._refine(view)
 
     # -- the rack of the chassis -------------------------------------------------------------------------------------
 
@@ -161,9 +175,9 @@ class RackTracker:
 
     # -- new ones ----------------------------------------------------------------------------------------------------
 
-    def _search(self, observed: ObservedObstacles, sensor: Pose, stamp: int) -> None:
-        points = self._unexplained(observed, sensor)
-        seen = find_racks(points, sensor, self._settings.rack_specs) if len(points) >= 4 else []
+    def _search(self, view: RackView) -> None:
+        points, stamp = self._unexplained(view.observed, view.sensor), view.stamp
+        seen = find_racks(points, view.sensor, view.specs) if len(points) >= 4 else []
         for sighting in seen:
             known = self._at(sighting.pose)
             if known is None:
@@ -191,11 +205,12 @@ class RackTracker:
 
     # -- known ones --------------------------------------------------------------------------------------------------
 
-    def _check(self, observed: ObservedObstacles, sensor: Pose, stamp: int) -> None:
+    def _check(self, view: RackView) -> None:
+        stamp = view.stamp
         for rack in self.racks:
             if rack is self._above:
                 continue
-            legs = [leg_state(observed, cells) for cells in rack.legs] if self._in_range(rack, sensor) else []
+            legs = [leg_state(view.observed, cells) for cells in rack.legs] if self._in_range(rack, view.sensor) else []
             if legs.count(Legs.SEEN) >= 2:
                 rack.stamp, rack.gone = stamp, 0
             elif legs.count(Legs.GONE) >= 3:
@@ -203,17 +218,17 @@ class RackTracker:
         memory = round(self._settings.rack_memory * NANOSECONDS)
         self._racks = [r for r in self._racks if r.gone < GONE_CHECKS and stamp - r.stamp < memory]
 
-    def _refine(self, observed: ObservedObstacles, sensor: Pose, stamp: int) -> None:
+    def _refine(self, view: RackView) -> None:
         """Measure one of those in range anew, each in turn."""
-        near = [rack for rack in self.blocking if self._in_range(rack, sensor)]
+        near = [rack for rack in self.blocking if self._in_range(rack, view.sensor)]
         if not near:
             return
         self._next = (self._next + 1) % len(near)
         rack = near[self._next]
-        points = observed.points
+        points = view.observed.points
         points = points[np.hypot(*(points - rack.pose[:2]).T) <= rack.spec.depth + rack.spec.width]
-        if len(points) >= 4 and (found := find_rack(points, sensor, rack.pose, [rack.spec])) is not None:
-            rack.see(found.pose, stamp)
+        if len(points) >= 4 and (found := find_rack(points, view.sensor, rack.pose, [rack.spec])) is not None:
+            rack.see(found.pose, view.stamp)
 
     def _in_range(self, rack: KnownRack, sensor: Pose) -> bool:
         return math.hypot(rack.pose[0] - sensor[0], rack.pose[1] - sensor[1]) <= self._settings.rack_range

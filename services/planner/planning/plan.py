@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 import numpy as np
@@ -15,6 +15,7 @@ from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
 from rackhand.services.planner.planning import lattice, shaping
+from rackhand.services.planner.planning.corridor import Corridor
 from rackhand.services.planner.planning.cost_to_go import cost_to_go
 from rackhand.services.planner.planning.distance_grid import DistanceGrid, clearance, turn_clearance
 from rackhand.services.planner.planning.field import Field, Mask
@@ -112,32 +113,38 @@ class GlobalPlanner:
             except StopIteration as found:
                 return cast(Plan, found.value)
 
-    def search(self, start: Pose, target: Target, blocked: Mask, tight: bool = False) -> Search:
+    def search(
+        self, start: Pose, target: Target, blocked: Mask, tight: bool = False, corridor: Corridor | None = None
+    ) -> Search:
         """Search in slices: yields while it is not done, returns the plan, raises ``NoPathFound``.
 
         ``blocked``: cells (rows, columns) that no part of the footprint may touch. ``tight``: skip the path of the
-        inscribed circle, search with the footprint at once.
+        inscribed circle, search with the footprint at once. ``corridor``: what the chassis' origin must not leave.
         """
         grid = DistanceGrid.of(blocked, self._geometry)
+        room = grid if corridor is None else corridor.narrowed(grid, self._footprint.inscribed)
         row, column = self._geometry.cell(target.x, target.y)
         if not self._geometry.contains(target.x, target.y):
             raise NoPathFound("disconnected", f"the goal ({target.x:.2f}, {target.y:.2f}) is outside the map")
         budget = self._settings.max_expansions
-        cost, toward, expanded = cost_to_go(grid, row, column, self._inflation, budget)
+        cost, toward, expanded = cost_to_go(room, row, column, self._inflation, budget)
         if expanded >= budget:
             raise NoPathFound("budget", f"search ended after {expanded} cells, the most that max_expansions allows")
         ends = self._ends(grid, start, target)
-        direct = self._direct(grid, ends)
+        direct = self._direct(grid, ends) if corridor is None else None
         if direct is not None:
             return Plan((direct,), cost)
         first = self._start_cell(cost, start)
         if first < 0:
             raise NoPathFound("disconnected", f"no path for the inscribed radius {self._footprint.inscribed:.2f} m")
         if not tight:
-            segments = self._of_inscribed_circle(grid, toward, first, ends, target.rotate_in_place)
+            segments = self._of_inscribed_circle(room, toward, first, ends, target.rotate_in_place)
             if self._fits(grid, segments, ends):
                 return Plan(segments, cost)
-        return (yield from self._of_footprint(grid, cost, ends))
+        plan = yield from self._of_footprint(grid, cost, ends)
+        if corridor is None:
+            return plan
+        return replace(plan, segments=tuple(replace(one, points=corridor.kept(one.points)) for one in plan.segments))
 
     def _ends(self, grid: DistanceGrid, start: Pose, target: Target) -> Ends:
         """With less clearance asked for at start and goal if they have less."""

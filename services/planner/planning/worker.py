@@ -18,18 +18,23 @@ from numpy.typing import NDArray
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.map.grid import Mask, StaticMap
+from rackhand.services.planner.planning.corridor import Corridor
 from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Plan, Target
 from rackhand.services.planner.settings import NavigationSettings
 
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """``static_only``: leave out observed obstacles. ``tight``: search with the footprint at once."""
+    """``static_only``: leave out observed obstacles. ``tight``: search with the footprint at once. ``corridor``: what
+    the chassis' origin must not leave. ``clear_around``: metres about the target within which observed obstacles are
+    left out, because they are the target itself."""
 
     start: Pose
     target: Target
     static_only: bool = False
     tight: bool = False
+    corridor: Corridor | None = None
+    clear_around: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -44,12 +49,16 @@ class PlanningScene:
     footprint: Footprint
     settings: NavigationSettings
 
-    def blocked(self, static_only: bool) -> Mask:
+    def blocked(self, request: PlanRequest) -> Mask:
         """All cells that must be avoided."""
-        if static_only:
+        if request.static_only:
             return self.static.blocked
-        mask = self.static.blocked.copy()
-        mask.reshape(-1)[self.observed] = True
+        mask, observed, g = self.static.blocked.copy(), self.observed, self.static.geometry
+        if request.clear_around:
+            x = g.x + (observed % g.columns + 0.5) * g.resolution - request.target.x
+            y = g.y + (observed // g.columns + 0.5) * g.resolution - request.target.y
+            observed = observed[np.hypot(x, y) > request.clear_around]
+        mask.reshape(-1)[observed] = True
         return mask
 
 
@@ -112,7 +121,8 @@ class PlanWorker:
 
 def _plan(request: PlanRequest, scene: PlanningScene, cancelled: Event) -> Plan:
     planner = GlobalPlanner(scene.static.geometry, scene.footprint, scene.settings)
-    steps = planner.search(request.start, request.target, scene.blocked(request.static_only), request.tight)
+    blocked = scene.blocked(request)
+    steps = planner.search(request.start, request.target, blocked, request.tight, request.corridor)
     while not cancelled.is_set():
         try:
             next(steps)

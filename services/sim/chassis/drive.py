@@ -48,9 +48,9 @@ def follow(now: WheelTargets, wanted: Twist2, drive: WheelDrive, dt: float) -> W
     return targets_of(Twist2(linear=linear, angular=angular), drive)
 
 
-def brake(now: WheelTargets, drive: WheelDrive, dt: float) -> WheelTargets:
+def brake(now: WheelTargets, drive: WheelDrive, loaded: bool, dt: float) -> WheelTargets:
     """Wheel targets ``dt`` later while each wheel is braked to a stop."""
-    step = drive.braking * dt
+    step = (drive.braking_loaded if loaded else drive.braking) * dt
     return WheelTargets(approach(now.left, 0.0, step, step), approach(now.right, 0.0, step, step))
 
 

@@ -34,6 +34,7 @@ from rackhand.worlds.data import PoseTuple
 GRAVITY = 9.81
 POSE_PERIOD = 0.04
 QUALITY_EXCELLENT = 10
+LOADED = 5.0  # kg on the jack from which on its driver brakes with care
 
 
 class Robot:
@@ -62,6 +63,7 @@ class Robot:
         self._targets = WheelTargets(0.0, 0.0)
         self._spindle = 0.0
         self._jacking = 0
+        self._stalled = False
         self._bumped = {"front": False, "rear": False}
         self.battery = BatteryModel(profile.battery, battery)
         self._noise = noise
@@ -140,7 +142,7 @@ class Robot:
         blocked = "wheels_blocked" in self.faults
         before = self._targets
         if command is None or stopped or blocked:
-            self._targets = drive.brake(before, self.profile.drive, dt)
+            self._targets = drive.brake(before, self.profile.drive, self._is_loaded(), dt)
         else:
             self._targets = drive.follow(before, command.twist, self.profile.drive, dt)
         part = np.arange(1, len(controls) + 1) / len(controls)
@@ -157,6 +159,9 @@ class Robot:
             return
         direction = {"up": 1, "down": -1, "hold": 0}[wanted]
         before = self._spindle
+        self._stalled = direction > 0 and before < jack.stroke and self._jack_force() > jack.force
+        if self._stalled:
+            direction = 0
         self._spindle = min(jack.stroke, max(0.0, before + direction * jack.stroke / jack.duration * dt))
         self._jacking = direction if self._spindle != before else 0
         controls[:, self._jack_motor] = before + part * (self._spindle - before)
@@ -201,7 +206,7 @@ class Robot:
         kind = self.profile.jack
         if kind is None or self._jack_motor is None:
             raise LookupError(f"{self.name} has no jack")
-        borne = float(self._data.actuator_force[self._jack_motor]) / GRAVITY - kind.mass
+        borne = self._jack_force() / GRAVITY - kind.mass
         weight = max(0.0, borne + 0.5 * self._noise.scale * float(self._weight_rng.standard_normal()))
         states = {0: "hold", 1: "jacking_up", -1: "jacking_down"}
         return Jack.model_validate(
@@ -210,8 +215,17 @@ class Robot:
                 "state": states[self._jacking],
                 "progress": self._spindle / kind.stroke,
                 "weight": weight,
+                "stalled": self._stalled,
             }
         )
+
+    def _jack_force(self) -> float:
+        """What the spindle bears, plate included (N)."""
+        return float(self._data.actuator_force[self._jack_motor])
+
+    def _is_loaded(self) -> bool:
+        jack = self.profile.jack
+        return jack is not None and self._jack_force() > (jack.mass + LOADED) * GRAVITY
 
     def battery_report(self, stamp: int) -> Battery:
         return self.battery.report(stamp, self.charging)

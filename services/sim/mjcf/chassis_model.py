@@ -16,6 +16,7 @@ _BODY_COLOUR = [0.93, 0.93, 0.95, 1]
 _DARK = [0.15, 0.15, 0.17, 1]
 WHEELS = ("wheel_left", "wheel_right")
 JACK_ARMATURE, JACK_DAMPING, JACK_STIFFNESS = 200.0, 2000.0, 2e6
+BEARS = 4.0  # times what its motor lifts: the spindle is self-locking
 
 
 def add_chassis(spec: Any, robot: str, profile: ChassisProfile, pose: PoseTuple) -> None:
@@ -127,11 +128,16 @@ def _add_jack(spec: Any, base: Any, robot: str, profile: ChassisProfile, jack: J
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[length / 2, width / 2, height / 2],
         mass=jack.mass,
+        friction=[jack.friction, 0.005, 0.0001],
+        priority=1,  # or the greater friction of the two would hold
         rgba=_DARK,
     )
     spindle = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     spindle.set_to_position(JACK_STIFFNESS, dampratio=1.0)
-    spindle.forcelimited, spindle.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-jack.force, jack.force]
+    spindle.forcelimited, spindle.forcerange = (
+        mujoco.mjtLimited.mjLIMITED_TRUE,
+        [-BEARS * jack.force, BEARS * jack.force],
+    )
 
 
 def _add_imu(spec: Any, base: Any, robot: str) -> None:

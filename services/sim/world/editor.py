@@ -22,6 +22,7 @@ from rackhand.services.sim.arm.arm import Arm
 from rackhand.services.sim.chassis.robot import Robot
 from rackhand.services.sim.errors import unknown
 from rackhand.services.sim.mjcf.layers import SOLID_BITS
+from rackhand.services.sim.world.touch_log import TouchLog
 from rackhand.worlds.data import PoseTuple
 from rackhand.worlds.world_model import Surfaces, World
 
@@ -46,11 +47,12 @@ class Editor:
         movables: Movables,
         owner: Callable[[int], str],
         controls: NDArray[np.float64],
+        touch_log: TouchLog,
     ) -> None:
         self._world, self._model, self._data = world, model, data
         self._robots, self._arms = robots, arms
         self._obstacles, self._movables = obstacles, movables
-        self._owner, self._controls = owner, controls
+        self._owner, self._controls, self._touch_log = owner, controls, touch_log
         self._solid = np.flatnonzero(model.geom_contype & SOLID_BITS)
 
     def change(self, change: Change) -> None:
@@ -102,6 +104,7 @@ class Editor:
             if former is not None:
                 self._obstacles.place(place.name, former.kind, former.size, former.pose, former.walker)
             raise RequestRefused(RefusalCode.INVALID, _overlaps(place.name, as_tuple(place.pose), touched))
+        self._touch_log.relabel(self._obstacles.geom_of(placed), place.name)
 
     def _move_robot(self, move: MoveRobot) -> None:
         robot = self._robot(move.robot)

@@ -32,6 +32,16 @@ def owners(model: Any, arms: Collection[str]) -> list[str]:
     return names
 
 
+def parts(model: Any, arms: Collection[str], robots: Collection[str]) -> list[str]:
+    """For each geom the name of the part of the world it belongs to, as ``Touch`` has it."""
+    labels = owners(model, arms)
+    for geom, owner in enumerate(labels):
+        if owner in robots:
+            part = model.geom(geom).name.removeprefix(f"{owner}/")
+            labels[geom] = f"{owner}/{part if part in ('hull', 'jack') else 'wheels'}"
+    return labels
+
+
 def moving_bodies(model: Any) -> dict[str, int]:
     """Name → body of all that moves by itself: robots, arms and their parts, racks."""
     return {model.body(body).name: body for body in range(1, model.nbody) if model.body_mocapid[body] < 0}

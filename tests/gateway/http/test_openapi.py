@@ -27,6 +27,8 @@ def started(server: Gateway) -> Gateway:
     """One that has heard from its robot: before, it may answer 503."""
     server.reset()
     server.publish(topics.CHASSIS_MODEL, messages.model())
+    server.publish(topics.JACK, messages.jack())
+    server.publish(topics.LOAD, messages.load("under_rack"))
     server.publish(topics.CHASSIS_STATUS, messages.status())
     return server
 

@@ -51,6 +51,7 @@ def test_every_frame_is_registered_under_the_topic_of_its_model() -> None:
         (topics.DETECTED_RACK, messages.detected_rack()),
         (topics.DETECTED_RACK_STATES, messages.rack_states()),
         (topics.MAP_RACK_STATES, messages.rack_states()),
+        (topics.SEEN_RACKS, messages.seen_racks()),
         (topics.COSTMAP, costmap(np.zeros(6, np.uint8))),
         (topics.SCAN, messages.scan()),
     ):
@@ -194,6 +195,10 @@ def test_jack_state() -> None:
         "self_check_state": "no_error",
         "weight": 0.0,
     }
+    checking = messages.status(jack_checking=True, jack_check="up")
+    facts = Facts({topics.JACK: messages.jack("jacking_up", 0.5), topics.CHASSIS_STATUS: checking})
+    frame = fields(payloads.jack_state(facts))
+    assert (frame["self_checking"], frame["self_check_state"]) == (True, "up")
 
 
 def test_footprints_have_x_to_the_right_and_y_to_the_front() -> None:

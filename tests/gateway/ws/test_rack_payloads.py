@@ -77,3 +77,10 @@ def test_no_place_is_given_for_a_rack_that_is_not_there_or_not_known() -> None:
     assert fields(rack_payloads.load_state(Facts({topics.LOAD: LoadReport(stamp=0)}))) == {"state": "free"}
     assert fields(rack_payloads.load_state(Facts({topics.LOAD: messages.load()}))) == {"state": "carrying"}
     assert rack_payloads.load_state(Facts()) is None
+
+
+def test_racks_that_were_seen_have_their_outlines_in_the_map() -> None:
+    facts = Facts({topics.SEEN_RACKS: messages.seen_racks(Pose2(x=7.0, y=3.0, yaw=0.0))})
+    (rack,) = fields(rack_payloads.seen_racks(facts))["racks"]
+    assert (rack["pose"], rack["width"], rack["depth"]) == ({"pos": [7.0, 3.0], "ori": 0.0}, 0.9, 1.2)
+    assert rack["outline"] == [[7.7, 3.5], [6.2, 3.5], [6.2, 2.5], [7.7, 2.5]]  # margins of 0.1 and 0.2 m

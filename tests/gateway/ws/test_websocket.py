@@ -13,6 +13,7 @@ import pytest
 
 from rackhand.bus import Unavailable
 from rackhand.schemas import topics
+from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import Alert
 from rackhand.services.gateway.ws.broadcast import MAX_EVENTS, MAX_TOPICS
 from rackhand.services.gateway.ws.payloads import PAYLOADS
@@ -75,6 +76,7 @@ STATE_TOPICS = {
     "/robot/footprint": [(topics.FOOTPRINT, messages.footprint())],
     "/load_state": [(topics.POSE, messages.pose()), (topics.LOAD, messages.load())],
     "/map_rack_states": [(topics.MAP_RACK_STATES, messages.rack_states())],
+    "/seen_racks": [(topics.SEEN_RACKS, messages.seen_racks(Pose2(x=1.0, y=2.0, yaw=0.0)))],
     "/map_v2": [(topics.MAP, messages.current_map())],
     "/map/costmap_v2": [(topics.COSTMAP, messages.costmap())],
     "/scan_matched_points2": [(topics.SCAN, messages.scan()), (topics.POSE, messages.pose())],
@@ -100,6 +102,7 @@ CHANGED = {
         messages.footprint(half_width=0.3),
         {"footprint": [[0.3, -0.2], [0.3, 0.4], [-0.3, 0.4], [-0.3, -0.2]]},
     ),
+    "/seen_racks": (topics.SEEN_RACKS, messages.seen_racks(), {"racks": []}),
     "/load_state": (topics.LOAD, messages.load("under_rack"), {"state": "under_rack"}),
     "/map_rack_states": (
         topics.MAP_RACK_STATES,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -109,5 +110,16 @@ def test_no_path_is_an_answer_and_an_error_is_raised() -> None:
 def test_the_scene_does_not_change_the_map() -> None:
     before = scene()
     with_crate = scene(((80, 60),))
-    assert with_crate.blocked(static_only=False).sum() == before.static.blocked.sum() + 1
+    assert with_crate.blocked(request(9.0)).sum() == before.static.blocked.sum() + 1
     assert with_crate.static.blocked.sum() == before.static.blocked.sum()
+
+
+def test_what_is_observed_around_the_target_may_be_left_out() -> None:
+    """Somebody to be followed is no obstacle to the way to him; what is farther from him is."""
+    asked = request(9.0)
+    g = scene().static.geometry
+    row, column = g.cell(asked.target.x, asked.target.y)
+    both = scene(((row, column + 4), (row, column + 12)))
+    blocked = both.blocked(replace(asked, clear_around=0.4))
+    assert not blocked[row, column + 4] and blocked[row, column + 12]
+    assert both.blocked(asked)[row, column + 4]

@@ -260,3 +260,19 @@ def test_a_robot_passes_under_a_rack_without_touching_it() -> None:
     simulation = make_simulation(world)
     drive(simulation, 4.0, linear=0.8)
     assert simulation.robots["amr1"].pose[0] > 2.5 and simulation.contact_log.count == 0
+
+
+def test_touches_have_names_and_times_and_an_obstacle_that_replaces_another_has_its_own() -> None:
+    simulation = make_simulation()
+    simulation.change(place("crate", x=0.8))
+    drive(simulation, 1.0, linear=0.5)
+    drive(simulation, 1.0, linear=-0.5)
+    first = {touch.parts: touch for touch in simulation.touch_log.rows}
+    assert set(first) == {("amr1/hull", "crate"), ("amr1/wheels", "floor")}
+    hit, stood = first["amr1/hull", "crate"], first["amr1/wheels", "floor"]
+    assert 0 < hit.first <= hit.last < 1.3e9 and (stood.first, stood.last) == (0, simulation.stamp - 2_000_000)
+    simulation.change(Remove(name="crate"))
+    simulation.change(place("box", x=0.8))
+    drive(simulation, 2.0, linear=0.5)
+    again = {touch.parts: touch for touch in simulation.touch_log.rows}
+    assert again["amr1/hull", "crate"] == hit and again["amr1/hull", "box"].first > hit.last
