@@ -96,7 +96,7 @@ def test_without_the_stop_condition_it_presses_with_a_bounded_torque(either: Eit
     assert not contacts(station)[0].stopped
     assert CrfCode.EndEffectorToleranceViolation in station.status()["controllerStatus"]
     station.ask("a", True, command="softStop", priority=10)
-    station.advance(0.5)
+    station.advance(1.0)
     station.world.ask(Remove(name="crate"))
     still(station.advance(1.5), bound=5e-3)
 

@@ -45,6 +45,8 @@ class ContactReaction:
         if stops:
             self._blocked_until = state.stamp + RELEASE_NS if motion.follows else 0
             motion.give_way(state)
+        else:
+            motion.touched()
         contact = contact.model_copy(update={"stopped": stops})
         if stops or self._touched is None or state.stamp - self._touched > OVER_NS:
             self.last = self._news = contact

@@ -138,6 +138,11 @@ class MotionExecutor:
         self._brake(hard=True)
         self._settles = SETTLED_CONTACT
 
+    def touched(self) -> None:
+        """Something pushes the arm: after a stop it is held exactly where it is then."""
+        if self._settles is not None:
+            self._settles = SETTLED_CONTACT
+
     def settle(self, state: ArmState) -> None:
         """After a stop the arm is held where it is: what has kept it off its path may go, and nothing moves. To be
         called before a tick, unless a path is being planned from where the arm is held."""

@@ -128,9 +128,9 @@ class NumpyServo:
         v_next = np.where(held_back, 0.0, (p_next - p) / self.step)
         acceleration = np.where(held_back | self.held_back, 0.0, (v_next - v) / self.step)
         self.position, self.rate, self.held_back = p_next, v_next, held_back
-        correction = BANDWIDTH**2 * (p - q) + 2 * BANDWIDTH * (v - dq)
-        moves = mass @ acceleration + self.step * damping * acceleration + bias - passive
-        pushes = mass @ correction + self.step * damping * correction
+        spring, wanted = BANDWIDTH**2 * (p - q), acceleration + 2 * BANDWIDTH * (v - dq)
+        moves = mass @ wanted + self.step * damping * wanted + bias - passive
+        pushes = mass @ spring + self.step * damping * spring
         most, share = self.limits.torque, FEEDBACK_SHARE * self.limits.torque
         return np.asarray(np.clip(moves + np.clip(pushes, -share, share), -most, most))
 
