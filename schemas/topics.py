@@ -179,9 +179,9 @@ MOTION_SESSION = _arm("motion/session", motion.SessionGone, "gateway", ("control
                       "the connection of a client was closed")
 
 LIFT_STATE = Topic("lift/state", "rackhand/{robot}/lift/state", "lift", lift.LiftState, "driver",
-                   ("planner", "gateway", "viewer"), 5, Qos.STREAM, "floor, doors, who has the lift")
+                   ("planner", "gateway"), 5, Qos.STREAM, "floor, doors, who has the lift")
 LIFT_MODEL = Topic("lift/model", "rackhand/{robot}/lift/model", "lift", lift.LiftModel, "driver",
-                   ("planner", "gateway", "viewer"), 0, Qos.LATCHED, "floors, cabin and door of a lift")
+                   ("planner", "gateway"), 0, Qos.LATCHED, "floors, cabin and door of a lift")
 
 BUS_STATS = Topic("bus/stats", "rackhand/{robot}/bus/stats", "any", service.BusStats, "every service", ("viewer",), 0,
                   Qos.STREAM, "samples that a service received, lost and could not parse, per second of wall time")
@@ -195,7 +195,7 @@ MOVES = Query("moves/command", "rackhand/{robot}/moves/command", "chassis", move
               "planner", ("gateway", "node"), "create, get, list, cancel moves")
 CHASSIS_REQUEST = Query("chassis/request", "rackhand/{robot}/chassis/request", "chassis", chassis.ChassisRequest,
                         chassis.Done, "planner", ("gateway", "node"),
-                        "jack, control mode, emergency stop, remote twist, set pose")
+                        "jack, control mode, emergency stop, remote twist, target to follow, set pose")
 CHASSIS_PARAMETERS = Query("chassis/parameters", "rackhand/{robot}/chassis/parameters", "chassis",
                            parameters.ParametersRequest, parameters.ParametersReply, "planner", ("gateway", "node"),
                            "parameters that a chassis drives with: read, change")

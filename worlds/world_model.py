@@ -31,6 +31,9 @@ ARM_INSTANT_NS = 2_000_000
 ARM_TIMESTEP = 0.001
 
 
+Bounds = tuple[float, float, float, float]
+
+
 class Static(Data):
     """Something that never moves. ``mapped``: the map shows it (its cut with the lidar's plane)."""
 
@@ -151,6 +154,43 @@ class Charger(Data):
     dock: PoseTuple
 
 
+MAIN_FLOOR = "floor1"
+"""The floor that ``bounds`` of a world is."""
+
+
+class Floor(Data):
+    """A further floor: a hall of the same world, beside the others. ``bounds`` as those of the world; its map is in the
+    folder of its name beside ``world.yaml``, in the same frame.
+    """
+
+    bounds: Bounds
+
+
+class Lift(Data):
+    """A lift: a cabin with a door at each floor, and a door of the shaft before it. Its walls are among the statics.
+
+    ``floors``: floor → the middle of the cabin, x axis out of the door, the same yaw on all of them; it begins at the
+    first. ``cabin``: inside, along and across that axis. ``door_at``: distance of the shaft's door from the middle.
+    ``door_time``: seconds in which a door opens; ``travel``: from one floor to the next. ``traffic``: how many times a
+    minute others call it.
+    """
+
+    floors: Annotated[dict[Name, PoseTuple], Field(min_length=2)]
+    cabin: tuple[Positive, Positive]
+    door: Positive
+    door_at: Positive
+    door_time: Positive = 3.0
+    travel: Positive = 8.0
+    traffic: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _is_straight(self) -> Lift:
+        yaws = {pose[2] for pose in self.floors.values()}
+        if len(yaws) > 1:
+            raise ValueError(f"floors: yaws {sorted(yaws)}: want the same yaw on all floors, a ride turns nothing")
+        return self
+
+
 class Walk(Data):
     """Walk along the points and from the last to the first again, for ever, ``wait`` seconds at each."""
 
@@ -230,7 +270,8 @@ class World(Data):
     name: str
     description: str = ""
     seed: Annotated[int, Field(ge=0)] = 0
-    bounds: tuple[float, float, float, float]
+    bounds: Bounds
+    floors: dict[Name, Floor] = Field(default_factory=dict)
     robots: dict[Name, RobotPlace] = Field(default_factory=dict)
     arms: dict[Name, ArmPlace] = Field(default_factory=dict)
     timestep: Annotated[float, Field(gt=0, le=0.005)] = Field(default_factory=_default_timestep)
@@ -239,6 +280,7 @@ class World(Data):
     racks: dict[Name, Rack] = Field(default_factory=dict)
     items: dict[Name, Item] = Field(default_factory=dict)
     chargers: dict[Name, Charger] = Field(default_factory=dict)
+    lifts: dict[Name, Lift] = Field(default_factory=dict)
     movers: dict[Name, Mover] = Field(default_factory=dict)
     obstacles: dict[Name, Obstacle] = Field(default_factory=dict)
     map: MapSettings = MapSettings()
@@ -246,8 +288,15 @@ class World(Data):
 
     @model_validator(mode="after")
     def _is_consistent(self) -> World:
-        if not (self.bounds[0] < self.bounds[2] and self.bounds[1] < self.bounds[3]):
-            raise ValueError(f"bounds {self.bounds}: want x_min, y_min, x_max, y_max")
+        floors = self.bounds_of_floors
+        for floor, bounds in floors.items():
+            if not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
+                raise ValueError(f"bounds {bounds} of {floor}: want x_min, y_min, x_max, y_max")
+        for name, lift in self.lifts.items():
+            if unknown := sorted(set(lift.floors) - set(self.bounds_of_floors)):
+                raise ValueError(
+                    f"lifts.{name}.floors: {unknown} are not known; known: {sorted(self.bounds_of_floors)}"
+                )
         for name, rack in self.racks.items():
             if rack.kind not in self.rack_kinds:
                 raise ValueError(f"rack {name!r} is of unknown kind {rack.kind!r}; known: {sorted(self.rack_kinds)}")
@@ -266,6 +315,14 @@ class World(Data):
     def control_step_ns(self) -> int:
         """Duration of a control step, in nanoseconds. Commands take effect at the start of a step."""
         return ARM_INSTANT_NS if self.arms else CONTROL_STEP_NS
+
+    @property
+    def bounds_of_floors(self) -> dict[str, Bounds]:
+        """Floor → x_min, y_min, x_max, y_max; the main one first."""
+        return {MAIN_FLOOR: self.bounds} | {name: floor.bounds for name, floor in self.floors.items()}
+
+    def map_name(self, floor: str) -> str:
+        return self.name if floor == MAIN_FLOOR else f"{self.name}_{floor}"
 
     def underside(self, item: Item) -> float:
         """How high above the floor an item lies."""
@@ -299,7 +356,7 @@ class World(Data):
 
     def _check_names(self) -> None:
         owner: dict[str, str] = {}
-        for group in ("robots", "arms", "statics", "racks", "items", "chargers", "movers", "obstacles"):
+        for group in ("robots", "arms", "statics", "racks", "items", "chargers", "lifts", "movers", "obstacles"):
             for name in getattr(self, group):
                 if name in owner:
                     raise ValueError(f"the name {name!r} is used in {owner[name]} and in {group}")

@@ -16,7 +16,7 @@ from rackhand.runtime.priority import PLANNER, set_niceness
 from rackhand.schemas.service import ServiceId
 from rackhand.services.planner.chassis import Chassis, ChassisSettings
 from rackhand.services.planner.errors import StoreError
-from rackhand.services.planner.map.directory import MapDirectoryError, read_map_directory
+from rackhand.services.planner.map.directory import MapDirectoryError, floor_directories, read_map_directory
 from rackhand.services.planner.modes import REMOTE_LIMITS, RemoteSettings
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.records import HISTORY_LIMIT
@@ -97,6 +97,9 @@ def _prepare(store: PlannerStore, map_directory: Path | None) -> None:
         log.warning("a move was interrupted when the planner stopped", move=move.id, now=move.state)
     if map_directory is not None and maps.import_directory(read_map_directory(map_directory)):
         log.info("map stored and selected", directory=str(map_directory), id=maps.current and maps.current.id)
+    for floor in floor_directories(map_directory) if map_directory is not None else ():
+        if maps.import_directory(read_map_directory(floor), select=False):
+            log.info("map of a further floor stored", directory=str(floor))
     if maps.current is None:
         log.warning("no map is in use; moves will fail until one is selected")
 

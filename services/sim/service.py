@@ -11,6 +11,7 @@ from rackhand.bus.log import get_logger
 from rackhand.schemas import topics
 from rackhand.schemas.base import Message
 from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.lift import LiftRequest, LiftState
 from rackhand.schemas.motion import ArmCommand
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import DRIVER, WORLD, ServiceId
@@ -23,6 +24,7 @@ from rackhand.worlds.world_model import CONTROL_STEP_NS
 log = get_logger(__name__)
 
 ROBOT_TOPICS = topics.published_by("driver", "localiser", owner="chassis")
+LIFT_TOPICS = topics.published_by("driver", owner="lift")
 ARM_TOPICS = topics.published_by("driver", owner="arm")
 WORLD_TOPICS = topics.published_by("sim")
 COMMAND_DEPTH = 64
@@ -41,12 +43,15 @@ class SimService:
         for arm in session.simulation.arms:
             self._publishers |= {(topic, arm): bus.publisher(topic, arm) for topic in ARM_TOPICS}
             self._inbox.on(topics.ARM_COMMAND, self._command, arm, COMMAND_DEPTH)
+        for lift in session.simulation.lifts:
+            self._publishers |= {(topic, lift): bus.publisher(topic, lift) for topic in LIFT_TOPICS}
+            self._inbox.on_request(topics.LIFT, self._serve_lift, lift)
         for robot in session.simulation.robots:
             self._publishers |= {(topic, robot): bus.publisher(topic, robot) for topic in ROBOT_TOPICS}
             self._inbox.on(topics.COMMAND, self._command, robot, COMMAND_DEPTH)
         self._inbox.on_request(topics.WORLD_CONTROL, self._serve, WORLD)
         self._inbox.on_presence(self._presence)
-        self._robots = (*session.simulation.robots, *session.simulation.arms)
+        self._robots = (*session.simulation.robots, *session.simulation.arms, *session.simulation.lifts)
         self._advancing: Request[WorldRequest, WorldReply] | None = None
         self._faults: set[tuple[str, str]] = set()
         self._waiting_for = ""
@@ -116,6 +121,14 @@ class SimService:
             request.reply(reply)
         return None
 
+    def _serve_lift(self, request: Request[LiftRequest, LiftState]) -> None:
+        simulation = self._session.simulation
+        try:
+            state = simulation.lifts[request.robot].handle(request.message, simulation.stamp)
+        except RequestRefused as refused:
+            return request.refuse(refused.code, refused.text)
+        return request.reply(state)
+
     def _finish_advance(self) -> None:
         if self._advancing is not None and self._session.pacer.until is None:
             self._publish_clock()
@@ -141,6 +154,8 @@ class SimService:
     def _publish_models(self) -> None:
         for name, robot in self._session.simulation.robots.items():
             self._publish(topics.CHASSIS_MODEL, name, robot.chassis_model())
+        for name, lift in self._session.simulation.lifts.items():
+            self._publish(topics.LIFT_MODEL, name, lift.model())
         for name in self._session.simulation.arms:
             self._publish(topics.ARM_MODEL, name, self._session.simulation.arm_model(name))
 

@@ -148,7 +148,7 @@ class Session:
                 self._reset(self.seed if seed is None else seed)
             case Place() | Remove() | Restore() | MoveRobot() | MoveObject() | Push() | InjectFault() as change:
                 self.simulation.change(change)
-                self.changes.things = not isinstance(change, InjectFault)
+                self.changes.things = True
             case Inspect():
                 pass
         return self.reply()

@@ -26,11 +26,12 @@ from rackhand.services.sim.arm.arm import Arm
 from rackhand.services.sim.chassis.noise import NoiseSettings
 from rackhand.services.sim.chassis.robot import Robot
 from rackhand.services.sim.errors import PhysicsError
+from rackhand.services.sim.lift.cabin import Lift
 from rackhand.services.sim.mjcf.scene import build_model
 from rackhand.services.sim.physics import Physics
 from rackhand.services.sim.world import scenery
 from rackhand.services.sim.world.contact_log import ContactLog
-from rackhand.services.sim.world.editor import Editor
+from rackhand.services.sim.world.editor import Editor, Things
 from rackhand.services.sim.world.touch_log import TouchLog
 from rackhand.worlds.arm_model import load_arm_descriptions
 from rackhand.worlds.chassis_model import ChassisProfile
@@ -87,25 +88,20 @@ class Simulation:
             name: Robot(name, profile, self.model, self.data, seed, noise, world.robots[name].battery, docks)
             for name, profile in profiles.items()
         }
-        self._geom_names = scenery.owners(self.model, self.arms)
+        compounds = {*self.arms, *world.lifts}
+        self._geom_names = scenery.owners(self.model, compounds)
         self._bodies = scenery.moving_bodies(self.model)
         hulls = {robot.hull: name for name, robot in self.robots.items()}
         hulls |= {int(geom): name for name, arm in self.arms.items() for geom in arm.geoms}
         self.contact_log = ContactLog(hulls, self.model.ngeom, self._owner)
-        self.touch_log = TouchLog(scenery.parts(self.model, self.arms, self.robots))
+        self.touch_log = TouchLog(scenery.parts(self.model, compounds, self.robots))
         self._movables = Movables(world, self.model, self.data)
-        self._editor = Editor(
-            world,
-            self.model,
-            self.data,
-            self.robots,
-            self.arms,
-            self.obstacles,
-            self._movables,
-            self._owner,
-            self._controls,
-            self.touch_log,
-        )
+        self.lifts = {
+            name: Lift(name, world, self.model, self.data, self.robots, self.obstacles, self._movables, seed)
+            for name in world.lifts
+        }
+        things = Things(self.robots, self.arms, self.lifts, self.obstacles, self._movables)
+        self._editor = Editor(world, self.model, self.data, things, self._owner, self._controls, self.touch_log)
         self.stamp = 0
         self._hash = hashlib.blake2b(digest_size=16)
         try:
@@ -171,7 +167,7 @@ class Simulation:
 
     def change(self, change: Change) -> None:
         """Change what is in the world. Raises ``RequestRefused``, and has then changed nothing."""
-        self._editor.change(change)
+        self._editor.change(change, self.stamp)
 
     def arm_model(self, name: str) -> ArmModel:
         """Which arm it is, and where its base frame is."""
@@ -203,10 +199,12 @@ class Simulation:
         self._finish_step()
 
     def _begin_chassis_step(self) -> None:
-        """What the chassis' drives do, and where people go, in the next 20 ms."""
+        """What the chassis' drives and lifts do, and where people go, in the next 20 ms."""
         dt = CONTROL_STEP_NS * 1e-9
         for robot in self.robots.values():
             robot.drive(self._controls, self.stamp, dt)
+        for lift in self.lifts.values():
+            lift.drive(self._controls, self.stamp, dt)
         self._move_walkers(dt)
 
     def _run(self, controls: np.ndarray[Any, Any]) -> None:
@@ -310,6 +308,8 @@ class Simulation:
                 outputs.append(Output(topics.BATTERY, name, robot.battery_report(stamp)))
             if _is_due(topics.CONTACTS, stamp):
                 outputs.append(Output(topics.CONTACTS, name, robot.contacts(stamp)))
+        if _is_due(topics.LIFT_STATE, stamp):
+            outputs += [Output(topics.LIFT_STATE, name, lift.state(stamp)) for name, lift in self.lifts.items()]
         if _is_due(topics.OBJECTS, stamp):
             outputs.append(Output(topics.OBJECTS, WORLD, self.objects()))
         odometry = [Output(topics.ODOMETRY, name, robot.odometry(stamp, dt)) for name, robot in self.robots.items()]

@@ -17,7 +17,7 @@ from rackhand.schemas.world import Clock
 from rackhand.services.planner.chassis import PERIOD_NS, Chassis
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.load import LoadStore
-from rackhand.services.planner.map.directory import read_map_directory
+from rackhand.services.planner.map.directory import floor_directories, read_map_directory
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.records import MoveStore
@@ -45,7 +45,10 @@ class JoinedChassis:
         self.odometry: list[Odometry] = []
         self._database = Database(folder / f"{name}.sqlite", name)
         moves, maps = MoveStore(self._database), MapStore(self._database)
-        maps.import_directory(read_map_directory(world_directory(world.session.simulation.world.name)))
+        directory = world_directory(world.session.simulation.world.name)
+        maps.import_directory(read_map_directory(directory))
+        for floor in floor_directories(directory):
+            maps.import_directory(read_map_directory(floor), select=False)
         self._stored = maps.current
         self._planning = ThreadPoolExecutor(1, thread_name_prefix="plan")
         self.core = self._new_core(moves, maps)

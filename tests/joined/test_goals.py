@@ -57,7 +57,7 @@ def allowed_ground() -> tuple[np.ndarray, tuple[float, float]]:
         kind, coordinates = feature["properties"], feature["geometry"]["coordinates"]
         if str(kind.get("lineType")) == "2":
             pen.line(pixels(coordinates), fill=0, width=2)
-        elif str(kind.get("regionType")) == "1":
+        elif str(kind.get("regionType")) in ("1", "3"):  # no-go regions, and the lift
             pen.polygon(pixels(coordinates[0]), fill=0)
     return (np.asarray(picture) > 200)[::-1], (left, lower)
 

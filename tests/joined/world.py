@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import TypeVar
 
 from rackhand.schemas.base import NANOSECONDS, Message, Pose2
+from rackhand.schemas.lift import LiftRequest, LiftState
 from rackhand.schemas.world import Advance, Inspect, Join, ObjectPose, Pause, Reset, WorldReply, WorldRequest
 from rackhand.services.sim.chassis.noise import NoiseSettings
 from rackhand.services.sim.pacing import Pacer
@@ -98,6 +99,11 @@ class JoinedWorld:
             self._run()
             reply = self.session.reply()
         return reply
+
+    def ask_lift(self, request: Message, name: str = "lift_1") -> LiftState:
+        """One of the requests of ``rackhand.schemas.lift``. Raises ``RequestRefused``."""
+        asked = LiftRequest(request=request)  # type: ignore[arg-type]
+        return self.simulation.lifts[name].handle(asked, self.simulation.stamp)
 
     def inspect(self) -> WorldReply:
         return self.ask(Inspect())

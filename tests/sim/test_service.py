@@ -16,6 +16,7 @@ from rackhand.schemas import topics
 from rackhand.schemas import world as asked
 from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.lift import CallLift, GoToFloor, LiftModel, LiftRequest, LiftState, ReleaseLift
 from rackhand.schemas.motion import ArmCommand, FencingToken
 from rackhand.schemas.service import CELL, DRIVER, ServiceId
 from rackhand.services.sim.pacing import Pacer
@@ -254,3 +255,24 @@ def test_the_command_line_changes_the_world_and_says_why_not(start: Any, monkeyp
         "world: request.fault.fault: fault 'gremlins' is not known; known: ["
     )
     assert run("inspect") == (0, "}")
+
+
+def test_a_lift_is_served_on_the_bus(start: Any) -> None:
+    floors = {"floor1": (0, 5, 0), "floor2": (20, 5, 0)}
+    kind = {"floors": floors, "cabin": (2, 2), "door": 1.2, "door_at": 1.1, "travel": 1.0, "door_time": 1.0}
+    peer = start(make_world(floors={"floor2": {"bounds": (15, 0, 25, 10)}}, lifts={"lift_1": kind}))
+    states = peer.bus.inbox().subscribe(topics.LIFT_STATE, "lift_1", depth=1024).subscribe(topics.LIFT_MODEL, "lift_1")
+
+    def lift(request: Any) -> LiftState:
+        return peer.bus.call(topics.LIFT, LiftRequest(request=request), "lift_1", timeout=10.0)
+
+    assert lift(CallLift(client="amr1", floor="floor2")).holder == "amr1"
+    seen: list[Any] = []
+    while not any(isinstance(m, LiftState) and (m.floor, m.door) == ("floor2", "open") for m in seen):
+        event = states.get(timeout=20)
+        assert isinstance(event, Sample)
+        seen.append(event.message)
+    assert [f.name for m in seen if isinstance(m, LiftModel) for f in m.floors] == ["floor1", "floor2"]
+    with pytest.raises(Refused, match="'b' does not have the lift: 'amr1' has it"):
+        lift(GoToFloor(client="b", floor="floor1"))
+    assert lift(ReleaseLift(client="amr1")).holder is None

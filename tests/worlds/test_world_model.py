@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
+from pydantic import ValidationError
 
 from rackhand.services.sim.simulation import Simulation
 from rackhand.worlds.chassis_model import load_profiles
@@ -148,3 +149,28 @@ def test_overlays_of_the_warehouse_agree_with_its_world() -> None:
     assert tuple(points["Charging Station"]) == world.chargers["charger_1"].dock[:2]
     kinds = {str(f["properties"].get(k)) for f in features for k in ("regionType", "lineType", "type")}
     assert {"1", "2", "17", "34", "9", "36", "6"} <= kinds
+
+
+FLOORS = {"floor2": {"bounds": (40, 0, 50, 10)}}
+
+
+@pytest.mark.parametrize(
+    ("floors", "error"),
+    [
+        ({"floor1": (0, 0, 0), "floor3": (40, 0, 0)}, r"lifts\.lift_1\.floors: \['floor3'\] are not known; known: "),
+        ({"floor1": (0, 0, 0), "floor2": (40, 0, 1)}, r"floors: yaws \[0\.0, 1\.0\]: want the same yaw on all floors"),
+        ({"floor1": (0, 0, 0)}, "at least 2 items"),
+    ],
+)
+def test_a_lift_goes_straight_between_floors_that_exist(floors: Any, error: str) -> None:
+    lift = {"floors": floors, "cabin": (2, 2), "door": 1.2, "door_at": 1.1}
+    with pytest.raises(ValidationError, match=error):
+        make_world(floors=FLOORS, lifts={"lift_1": lift})
+
+
+def test_floors_have_bounds_and_maps_of_their_own() -> None:
+    world = make_world(floors=FLOORS)
+    assert list(world.bounds_of_floors) == ["floor1", "floor2"]
+    assert (world.map_name("floor1"), world.map_name("floor2")) == ("test", "test_floor2")
+    with pytest.raises(ValidationError, match=r"bounds .* of floor2: want x_min"):
+        make_world(floors={"floor2": {"bounds": (50, 0, 40, 10)}})

@@ -57,6 +57,11 @@ def read_map_directory(directory: Path) -> DirectoryMap:
     return DirectoryMap(created.model_copy(update={"uid": _content_uid(created)}), changed)
 
 
+def floor_directories(directory: Path) -> list[Path]:
+    """The folders in it that hold maps of further floors."""
+    return sorted(path.parent for path in directory.glob("*/map.yaml"))
+
+
 def _read_description(path: Path) -> dict[str, Any]:
     try:
         description = yaml.safe_load(_read(path))

@@ -124,14 +124,15 @@ class MapStore:
         """Choose the map in use; it is still so after a restart."""
         self._change(replace(self._table, current=data), _use(data))
 
-    def import_directory(self, found: DirectoryMap) -> bool:
-        """Store and choose the map of a directory, unless the last start did that with the very same map.
+    def import_directory(self, found: DirectoryMap, select: bool = True) -> bool:
+        """Store the map of a directory and choose it (unless ``select`` is false, as for further floors), if the last
+        start did not do that with the very same map.
 
         So a choice made since then persists, and a world that was changed or swapped is taken up. For start-up: it
         waits for the disk, and raises what goes wrong there.
         """
-        uid = found.map.uid
-        if uid is None or self._store.call(lambda database: database.get(_DIRECTORY_UID)) == uid:
+        uid, key = found.map.uid, _DIRECTORY_UID if select else f"{_DIRECTORY_UID} {found.map.map_name}"
+        if uid is None or self._store.call(lambda database: database.get(key)) == uid:
             return False
         data = next((data for data in self._table.maps.values() if data.uid == uid), None)
         statements: list[Statement] = []
@@ -140,9 +141,12 @@ class MapStore:
             data = _to_data(found.map, table.last_id + 1, found.changed)
             table = replace(table, maps=table.maps | {data.id: data}, last_id=data.id)
             statements.append((_INSERT, (data.id, data.uid, _record(data), data.png)))
-        statements += [_use(data), (_SET_META, (_DIRECTORY_UID, uid))]
+        if select:
+            statements.append(_use(data))
+            table = replace(table, current=data)
+        statements.append((_SET_META, (key, uid)))
         self._store.call(partial(_execute, statements=tuple(statements)))
-        self._table = self._written = replace(table, current=data)
+        self._table = self._written = table
         return True
 
     def settle(self, settled: Settled) -> bool:

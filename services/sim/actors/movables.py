@@ -75,6 +75,10 @@ class Movables:
         """Raises ``KeyError`` for what is no rack."""
         return self._world.rack_kinds[self._world.racks[rack].kind]
 
+    def qpos(self, name: str) -> int:
+        """Where its position begins in ``qpos``."""
+        return self._qpos[name]
+
     def frame(self, name: str) -> Frame:
         at = self._qpos[name]
         qpos = self._data.qpos

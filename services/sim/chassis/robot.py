@@ -77,7 +77,7 @@ class Robot:
     def _find_addresses(self) -> None:
         model, name = self._model, self.name
         free = model.joint(f"{name}/free")
-        self._qpos, self._qvel = int(free.qposadr[0]), int(free.dofadr[0])
+        self.qpos, self._qvel = int(free.qposadr[0]), int(free.dofadr[0])
         wheels = [model.joint(f"{name}/{part}") for part in WHEELS]
         self._wheel_qpos = [int(w.qposadr[0]) for w in wheels]
         self._wheel_dofs = [int(w.dofadr[0]) for w in wheels]
@@ -92,13 +92,13 @@ class Robot:
     @property
     def pose(self) -> PoseTuple:
         """Ground-truth pose in the map."""
-        x, y, _, w, qx, qy, z = self._data.qpos[self._qpos : self._qpos + 7]
+        x, y, _, w, qx, qy, z = self._data.qpos[self.qpos : self.qpos + 7]
         return float(x), float(y), math.atan2(2 * (w * z + qx * qy), 1 - 2 * (qy * qy + z * z))
 
     @property
     def charge_contact(self) -> bool:
         """Its contacts meet a charger's: within 2 cm and 3° of a dock pose, turned round if they are at the front."""
-        if self.profile.charge_contact == "none":
+        if self.profile.charge_contact == "none" or "no_charge_contact" in self.faults:
             return False
         x, y, yaw = self.pose
         if self.profile.charge_contact == "front":
@@ -110,7 +110,8 @@ class Robot:
 
     @property
     def charging(self) -> bool:
-        return self.charge_contact or "power_cable" in self.faults
+        docked = self.charge_contact and "no_charge_current" not in self.faults
+        return docked or "power_cable" in self.faults
 
     def admit(self, command: ChassisCommand) -> bool:
         """False if the command answers an older stamp than one that was admitted before."""
@@ -122,8 +123,8 @@ class Robot:
     def put(self, pose: PoseTuple) -> None:
         """Be at ``pose``, without more. Its odometry knows nothing of it."""
         x, y, yaw = pose
-        self._data.qpos[self._qpos : self._qpos + 2] = (x, y)
-        self._data.qpos[self._qpos + 3 : self._qpos + 7] = yaw_quaternion(yaw)
+        self._data.qpos[self.qpos : self.qpos + 2] = (x, y)
+        self._data.qpos[self.qpos + 3 : self.qpos + 7] = yaw_quaternion(yaw)
 
     def rest(self, controls: NDArray[np.float64]) -> None:
         """Stop at once, as after the robot was moved to another pose. ``controls``: of the current control step."""

@@ -12,6 +12,7 @@ from rackhand.services.sim.mjcf import layers
 from rackhand.services.sim.mjcf.arm_model import add_arm
 from rackhand.services.sim.mjcf.chassis_model import add_chassis
 from rackhand.services.sim.mjcf.geometry import Shape, charger_shapes, static_shapes
+from rackhand.services.sim.mjcf.lift_model import add_lift
 from rackhand.worlds.arm_model import ArmDescription
 from rackhand.worlds.chassis_model import ChassisProfile
 from rackhand.worlds.world_model import Item, Rack, RackKind, World
@@ -49,6 +50,8 @@ def build_model(
     for name, charger in world.chargers.items():
         for i, shape in enumerate(charger_shapes(charger)):
             _add_static(spec, f"{name}#{i}", shape)
+    for name, lift in world.lifts.items():
+        add_lift(spec, name, lift)
     for name, rack in world.racks.items():
         _add_rack(spec, name, rack, world.rack_kinds[rack.kind])
     for name, item in world.items.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -21,6 +22,7 @@ from rackhand.services.sim.actors.walkers import Walker, make_route
 from rackhand.services.sim.arm.arm import Arm
 from rackhand.services.sim.chassis.robot import Robot
 from rackhand.services.sim.errors import unknown
+from rackhand.services.sim.lift.cabin import Lift
 from rackhand.services.sim.mjcf.layers import SOLID_BITS
 from rackhand.services.sim.world.touch_log import TouchLog
 from rackhand.worlds.data import PoseTuple
@@ -31,38 +33,44 @@ FARTHEST = 1000.0
 RESTING_DEPTH = 0.003
 
 
+@dataclass(frozen=True)
+class Things:
+    """All that can be changed, of one model and data."""
+
+    robots: Mapping[str, Robot]
+    arms: Mapping[str, Arm]
+    lifts: Mapping[str, Lift]
+    obstacles: Obstacles
+    movables: Movables
+
+
 class Editor:
-    """``robots``, ``arms``, ``obstacles`` and ``movables`` are those of one model and data. ``owner``: geom → name of
-    the thing that it belongs to. ``controls``: of the current control step.
-    """
+    """``owner``: geom → name of the thing that it belongs to. ``controls``: of the current control step."""
 
     def __init__(
         self,
         world: World,
         model: Any,
         data: Any,
-        robots: Mapping[str, Robot],
-        arms: Mapping[str, Arm],
-        obstacles: Obstacles,
-        movables: Movables,
+        things: Things,
         owner: Callable[[int], str],
         controls: NDArray[np.float64],
         touch_log: TouchLog,
     ) -> None:
         self._world, self._model, self._data = world, model, data
-        self._robots, self._arms = robots, arms
-        self._obstacles, self._movables = obstacles, movables
+        self._robots, self._arms, self._lifts = things.robots, things.arms, things.lifts
+        self._obstacles, self._movables = things.obstacles, things.movables
         self._owner, self._controls, self._touch_log = owner, controls, touch_log
         self._solid = np.flatnonzero(model.geom_contype & SOLID_BITS)
 
-    def change(self, change: Change) -> None:
+    def change(self, change: Change, stamp: int) -> None:
         """Raises ``RequestRefused``, and has then changed nothing."""
         try:
-            self._dispatch(change)
+            self._dispatch(change, stamp)
         finally:
             mujoco.mj_kinematics(self._model, self._data)
 
-    def _dispatch(self, change: Change) -> None:
+    def _dispatch(self, change: Change, stamp: int) -> None:
         match change:
             case Place():
                 self._place(change)
@@ -77,7 +85,7 @@ class Editor:
             case Push():
                 self._push(change)
             case InjectFault():
-                self._inject(change)
+                self._inject(change, stamp)
 
     # -- obstacles and robots ----------------------------------------------------------------------------------------
 
@@ -203,7 +211,7 @@ class Editor:
 
     # -- faults ------------------------------------------------------------------------------------------------------
 
-    def _inject(self, fault: InjectFault) -> None:
+    def _inject(self, fault: InjectFault, stamp: int) -> None:
         kind = FAULTS[fault.fault]
         if fault.part is not None and fault.part >= kind.parts:
             known = f"0 … {kind.parts - 1}" if kind.parts else "none"
@@ -212,6 +220,11 @@ class Editor:
             if fault.target not in self._world.racks:
                 raise unknown("rack", fault.target, self._world.racks)
             self._movables.hide_leg(fault.target, fault.part, hidden=fault.active)
+            return
+        if kind.target == "lift":
+            if fault.target not in self._lifts:
+                raise unknown("lift", fault.target, self._lifts)
+            self._lifts[fault.target].fault(fault.fault, fault.active, stamp)
             return
         faults = self._robot(fault.target).faults
         if fault.active:
@@ -245,7 +258,7 @@ class Editor:
         if not re.fullmatch(r"[\w.-]{1,60}", name):
             raise RequestRefused(RefusalCode.INVALID, f"name {name!r}: want 1 … 60 letters, digits, '_', '-' or '.'")
         world = self._world
-        if name in {*self._robots, *self._arms, *self._movables.names, *world.statics, *world.chargers}:
+        if name in {*self._robots, *self._arms, *self._movables.names, *world.statics, *world.chargers, *world.lifts}:
             raise RequestRefused(RefusalCode.INVALID, f"{name!r} is already used in this world")
 
     def _check_movable(self, name: str) -> None:

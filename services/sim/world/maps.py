@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from rackhand.services.sim.mjcf.geometry import Shape, charger_shapes, static_shapes
-from rackhand.worlds.world_model import World
+from rackhand.worlds.world_model import MAIN_FLOOR, World
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 
@@ -26,20 +26,21 @@ def map_shapes(world: World) -> list[Shape]:
     return [shape for shape in shapes if shape.cuts(world.map.height)]
 
 
-def map_origin(world: World) -> tuple[float, float]:
+def map_origin(world: World, floor: str = MAIN_FLOOR) -> tuple[float, float]:
     """The lower-left corner."""
-    return round(world.bounds[0] - world.map.margin, 6), round(world.bounds[1] - world.map.margin, 6)
+    bounds = world.bounds_of_floors[floor]
+    return round(bounds[0] - world.map.margin, 6), round(bounds[1] - world.map.margin, 6)
 
 
-def draw(world: World) -> NDArray[np.uint8]:
-    """Rows from the top (highest y) down: occupied where a shape covers any of a cell's nine probe points, free on the
-    rest of the floor, unknown round it.
+def draw(world: World, floor: str = MAIN_FLOOR) -> NDArray[np.uint8]:
+    """The map of a floor, rows from the top (highest y) down: occupied where a shape covers any of a cell's nine probe
+    points, free on the rest of the floor, unknown round it.
     """
     resolution, margin = world.map.resolution, world.map.margin
-    x_min, y_min, x_max, y_max = world.bounds
+    x_min, y_min, x_max, y_max = world.bounds_of_floors[floor]
     columns = round((x_max - x_min + 2 * margin) / resolution)
     rows = round((y_max - y_min + 2 * margin) / resolution)
-    left, bottom = map_origin(world)
+    left, bottom = map_origin(world, floor)
     x = left + (np.arange(columns) + 0.5) * resolution
     y = bottom + (np.arange(rows) + 0.5) * resolution
     xs, ys = np.meshgrid(x, y)
@@ -78,23 +79,34 @@ def png(grid: NDArray[np.uint8]) -> bytes:
     return buffer.getvalue()
 
 
-def description(world: World) -> dict[str, Any]:
+def description(world: World, floor: str = MAIN_FLOOR) -> dict[str, Any]:
     """What ``map.yaml`` says, as ROS's map_server reads it."""
     return {
         "image": "map.png",
-        "name": world.name,
+        "name": world.map_name(floor),
         "resolution": world.map.resolution,
-        "origin": [*map_origin(world), 0.0],
+        "origin": [*map_origin(world, floor), 0.0],
         "negate": 0,
         "occupied_thresh": 0.65,
         "free_thresh": 0.196,
     }
 
 
-def write_map(world: World, folder: Path) -> tuple[Path, Path]:
-    """Write ``map.png`` and ``map.yaml`` into the folder. Raises ``OSError``."""
-    folder.mkdir(parents=True, exist_ok=True)
-    image, text = folder / "map.png", folder / "map.yaml"
-    image.write_bytes(png(draw(world)))
-    text.write_text(yaml.safe_dump(description(world), sort_keys=False))
-    return image, text
+def floor_folder(folder: Path, floor: str) -> Path:
+    """Where the map of a floor is in the folder of its world."""
+    return folder if floor == MAIN_FLOOR else folder / floor
+
+
+def write_map(world: World, folder: Path) -> tuple[Path, ...]:
+    """Write ``map.png`` and ``map.yaml`` of each floor: into the folder, and of further floors into a folder of their
+    name in it. Raises ``OSError``.
+    """
+    written = []
+    for floor in world.bounds_of_floors:
+        place = floor_folder(folder, floor)
+        place.mkdir(parents=True, exist_ok=True)
+        image, text = place / "map.png", place / "map.yaml"
+        image.write_bytes(png(draw(world, floor)))
+        text.write_text(yaml.safe_dump(description(world, floor), sort_keys=False))
+        written += [image, text]
+    return tuple(written)

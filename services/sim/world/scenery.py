@@ -22,19 +22,20 @@ _SHAPES = {
 WORLD_BODY = "world"
 
 
-def owners(model: Any, arms: Collection[str]) -> list[str]:
-    """For each geom the name of the thing it belongs to: a robot, arm, rack, static; slots by their own names."""
+def owners(model: Any, compounds: Collection[str]) -> list[str]:
+    """For each geom the name of the thing it belongs to: a robot, rack, static, one of the ``compounds`` (arms and
+    lifts, which are several bodies); slots by their own names."""
     names = []
     for geom in range(model.ngeom):
         root = int(model.body_rootid[model.geom_bodyid[geom]])
         name = model.geom(geom).name.split("#")[0] if root == 0 else model.body(root).name
-        names.append(arm if (arm := name.split("/")[0]) in arms else name)
+        names.append(whole if (whole := name.split("/")[0]) in compounds else name)
     return names
 
 
-def parts(model: Any, arms: Collection[str], robots: Collection[str]) -> list[str]:
+def parts(model: Any, compounds: Collection[str], robots: Collection[str]) -> list[str]:
     """For each geom the name of the part of the world it belongs to, as ``Touch`` has it."""
-    labels = owners(model, arms)
+    labels = owners(model, compounds)
     for geom, owner in enumerate(labels):
         if owner in robots:
             part = model.geom(geom).name.removeprefix(f"{owner}/")

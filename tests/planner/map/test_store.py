@@ -58,5 +58,16 @@ def test_a_directory_is_stored_and_chosen_once(database: Database) -> None:
     assert store.current is not None and store.current.uid == "abc" and len(store.list()) == 1
 
 
+def test_the_map_of_a_further_floor_is_stored_once_and_not_chosen(database: Database) -> None:
+    store = MapStore(database)
+    assert store.import_directory(DirectoryMap(a_map("hall", uid="abc"), 50))
+    upstairs = DirectoryMap(a_map("hall_floor2", uid="def"), 50)
+    assert store.import_directory(upstairs, select=False) and not store.import_directory(upstairs, select=False)
+    assert store.current is not None and store.current.uid == "abc" and len(store.list()) == 2
+    again = MapStore(database)
+    assert again.current is not None and again.current.uid == "abc" and len(again.list()) == 2
+    assert not again.import_directory(upstairs, select=False)
+
+
 def test_an_unstored_map_has_the_id_that_says_so() -> None:
     assert unstored(a_map("x"), 5).id == NOT_STORED

@@ -17,9 +17,11 @@ from tests.sim.helpers import make_simulation, make_world
 @pytest.mark.parametrize("name", known_worlds())
 def test_the_committed_map_is_that_of_the_world(name: str) -> None:
     world, folder = load_world(name), world_directory(name)
-    with Image.open(folder / "map.png") as image:
-        np.testing.assert_array_equal(np.asarray(image), maps.draw(world))
-    assert yaml.safe_load((folder / "map.yaml").read_text()) == maps.description(world)
+    for floor in world.bounds_of_floors:
+        place = maps.floor_folder(folder, floor)
+        with Image.open(place / "map.png") as image:
+            np.testing.assert_array_equal(np.asarray(image), maps.draw(world, floor))
+        assert yaml.safe_load((place / "map.yaml").read_text()) == maps.description(world, floor)
 
 
 def cell(world: Any, x: float, y: float) -> int:
@@ -50,7 +52,7 @@ def test_a_map_shows_what_does_not_move_in_the_plane_of_the_lidar() -> None:
 
 def test_the_map_agrees_with_the_physics() -> None:
     """Every beam of the warehouse's first scan that hits a static ends in or beside an occupied cell."""
-    world = load_world("warehouse").model_copy(update={"racks": {}, "movers": {}})
+    world = load_world("warehouse").model_copy(update={"racks": {}, "items": {}, "movers": {}})
     simulation = make_simulation(world)
     scan = next(o.message for o in simulation.outputs if o.topic.name == "chassis/scan")
     x, y, yaw = simulation.robots["amr1"].pose
