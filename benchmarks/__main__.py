@@ -15,6 +15,7 @@ NAMES = (
     "planning",
     "planner_tick",
     "rack_jobs",
+    "carrying",
     "ik",
     "motion",
     "trajectory",
