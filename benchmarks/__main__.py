@@ -9,6 +9,7 @@ from pathlib import Path
 
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 NAMES = (
+    "align",
     "bus",
     "cell",
     "first_motion",

@@ -278,6 +278,24 @@ class SetPose(Message):
     pose: Pose2
 
 
+class FollowTarget(Message):
+    """Where the target of the running ``follow_target`` move is, in metres and radians of the map frame.
+
+    ``follow_pose`` needs a position, a heading, or both; ``pause``: hold still; ``fail``: the target is lost.
+    """
+
+    op: Literal["follow_target"] = "follow_target"
+    state: Literal["follow_pose", "pause", "fail"]
+    position: Vec2 | None = None
+    yaw: float | None = None
+
+    @model_validator(mode="after")
+    def _has_a_target(self) -> Self:
+        if self.state == "follow_pose" and self.position is None and self.yaw is None:
+            raise ValueError("follow_pose needs a position, a heading, or both")
+        return self
+
+
 class ChassisRequest(Message):
     """A question to, or an order for, the planner about its chassis."""
 
@@ -289,6 +307,7 @@ class ChassisRequest(Message):
         | SetControlMode
         | SetEmergencyStop
         | RemoteTwist
+        | FollowTarget
         | SetPose,
         Field(discriminator="op"),
     ]

@@ -29,6 +29,8 @@ FAULTS = {
         FaultKind("power_cable", "chassis", "a charging cable is plugged in"),
         FaultKind("emergency_stop_button", "chassis", "the emergency stop button is pressed"),
         FaultKind("pose_lost", "chassis", "no localised pose"),
+        FaultKind("no_charge_contact", "chassis", "its charging contacts never meet those of a charger"),
+        FaultKind("no_charge_current", "chassis", "its charging contacts meet, and no current flows"),
         FaultKind("leg_hidden", "rack", "the lidar does not see a leg of the rack, or (without a part) any", parts=4),
         FaultKind("lift_door_closes", "lift", "the doors close, also on what is between them, and stay closed"),
         FaultKind("lift_occupied", "lift", "a person stands in the cabin"),

@@ -25,6 +25,7 @@ from pydantic.alias_generators import to_pascal
 
 from rackhand.schemas.base import Array, Message, Quaternion, Stamp, Vec3, Vec6
 from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.crf_contact import Contact
 from rackhand.schemas.crf_requests import CrfInt, CrfMessage, CrfVector
 from rackhand.schemas.orientation import CrfVec6, TaskPose
 
@@ -132,6 +133,7 @@ class MotionStatus(CrfMessage):
     holder: Holder | None = Field(None, description="extension")
     stopped_by: str | None = Field(None, description="extension: the client whose stop is latched")
     gripper: Gripper | None = Field(None, description="extension, of an arm that has one")
+    contact: Contact | None = Field(None, description="extension: the last one since the last motion began")
 
     @model_validator(mode="after")
     def _sorted(self) -> Self:
@@ -298,7 +300,7 @@ class SessionGone(Message):
     session: Annotated[str, Field(min_length=1, max_length=128)]
 
 
-EventName = Literal["controlGranted", "controlLost", "stopped", "resumed", "heartbeatLost"]
+EventName = Literal["controlGranted", "controlLost", "stopped", "resumed", "heartbeatLost", "contact"]
 LossReason = Literal["released", "expired", "preempted", "forced", "disconnected", "heartbeat", "promoted", "restart"]
 
 
@@ -321,7 +323,7 @@ class MotionEvent(Message):
     stamp: Stamp
     name: EventName
     to: str = ""
-    info: ControlInfo
+    info: ControlInfo | Contact
 
 
 class FencingToken(Message):
@@ -331,9 +333,17 @@ class FencingToken(Message):
     lease: Annotated[int, Field(ge=0)]
 
 
+class Following(Message):
+    """The command that an arm's driver follows: its token, and the state it answers. No token: it follows none."""
+
+    token: FencingToken | None = None
+    answers: Stamp = 0
+
+
 class ArmState(Message):
     """What an arm's driver measures: rad, rad/s, N·m, one entry a joint; wrench at the flange in its frame; the gripper
-    of an arm that has one."""
+    of an arm that has one; and the command it ``follows``, by which a controller knows whether it is obeyed (a driver
+    that leaves it out is trusted)."""
 
     stamp: Stamp
     q: Numbers
@@ -341,6 +351,7 @@ class ArmState(Message):
     efforts: Numbers
     wrench: Vec6
     gripper: Gripper | None = None
+    follows: Following | None = None
 
     @model_validator(mode="after")
     def _same_length(self) -> Self:

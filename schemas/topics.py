@@ -195,7 +195,7 @@ MOVES = Query("moves/command", "rackhand/{robot}/moves/command", "chassis", move
               "planner", ("gateway", "node"), "create, get, list, cancel moves")
 CHASSIS_REQUEST = Query("chassis/request", "rackhand/{robot}/chassis/request", "chassis", chassis.ChassisRequest,
                         chassis.Done, "planner", ("gateway", "node"),
-                        "jack, control mode, emergency stop, remote twist, set pose")
+                        "jack, control mode, emergency stop, remote twist, target to follow, set pose")
 CHASSIS_PARAMETERS = Query("chassis/parameters", "rackhand/{robot}/chassis/parameters", "chassis",
                            parameters.ParametersRequest, parameters.ParametersReply, "planner", ("gateway", "node"),
                            "parameters that a chassis drives with: read, change")

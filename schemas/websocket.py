@@ -327,3 +327,18 @@ class Twist(ClientFrame):
 
     linear_velocity: float
     angular_velocity: float
+
+
+class TargetPose(ClientFrame):
+    """Where the target is: `pos` and `ori`, or one of them."""
+
+    pos: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+    ori: float | None = None
+
+
+class FollowTargetState(ClientFrame):
+    """What the running `follow_target` move follows, 2 to 4 times a second. `follow_pose` has a `target_pose` with
+    `pos`, `ori` or both; `pause` holds the robot still; `fail` ends the move with reason 600."""
+
+    follow_state: Literal["follow_pose", "pause", "fail"]
+    target_pose: TargetPose | None = None

@@ -11,12 +11,15 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rackhand.bus import Bus, Sample
 from rackhand.schemas import topics
 from rackhand.schemas.codec import codec_for
 from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken
 from rackhand.schemas.service import ServiceId
-from rackhand.services.controller.ik import load_arm
+from rackhand.services.controller.ik import Arm, load_arm
+from rackhand.services.controller.motion.disturbance import resting_efforts
 
 if TYPE_CHECKING:
     from benchmarks.motion.cell import MotionCell
@@ -32,7 +35,8 @@ class Driver:
     def __init__(self, cell: MotionCell) -> None:
         self._bus = Bus(ServiceId("driver", ARM), cell.bus)
         n = cell.joints
-        self._q, self._dq, self._still = tuple(load_arm_home(n)), (0.0,) * n, (0.0,) * n
+        self._arm = arm_of(n)
+        self._q, self._dq, self._still = tuple(self._arm.home.tolist()), (0.0,) * n, (0.0,) * n
         self._stamp = 0
         self._newest = -1  # the stamp that the command in force answers
         self._told: dict[int, float] = {}  # stamp → when it was published, of those recorded
@@ -69,7 +73,9 @@ class Driver:
 
     def _tell(self, record: bool) -> None:
         self._stamp += _STATE_NS
-        state = ArmState(stamp=self._stamp, q=self._q, dq=self._dq, efforts=self._still, wrench=(0.0,) * 6)
+        # A controller that is told another torque than the arm's weight takes takes it for a contact.
+        efforts = tuple(resting_efforts(self._arm, np.array(self._q)).tolist())
+        state = ArmState(stamp=self._stamp, q=self._q, dq=self._dq, efforts=efforts, wrench=(0.0,) * 6)
         if record:
             self._told[self._stamp] = time.perf_counter()
         self._states.put(state)
@@ -116,7 +122,6 @@ class Driver:
         return len(codec_for(ArmState).dumps(state)), len(codec_for(ArmCommand).dumps(command))
 
 
-def load_arm_home(joints: int) -> list[float]:
-    """Home of the default arm with so many joints."""
-    home: list[float] = load_arm("ur5e" if joints == 6 else "fr3").home.tolist()
-    return home
+def arm_of(joints: int) -> Arm:
+    """The default arm with so many joints."""
+    return load_arm("ur5e" if joints == 6 else "fr3")

@@ -19,6 +19,8 @@ from rackhand.services.controller import ik
 from rackhand.services.controller.access.streams import StreamGuard, StreamSample
 from rackhand.services.controller.access.types import ContinueMotion, MotionEffect, StopMotion
 from rackhand.services.controller.commands.spec import GrantedCommand, Result
+from rackhand.services.controller.motion.contact import describe
+from rackhand.services.controller.motion.contact_reaction import ContactReaction
 from rackhand.services.controller.motion.executor import CommandMode, MotionExecutor
 from rackhand.services.controller.motion.meter import Stopwatch
 from rackhand.services.controller.motion.plan_worker import Answered, Append, PathPlanner
@@ -50,7 +52,9 @@ class ArmControl:
         self._plans: PathPlanner[GrantedCommand] = PathPlanner(pool, period_ns * 1e-9)
         self.configuration: RobotConfiguration = configuration(arm, self.motion.profile, period_ns)
         self.complete_status: Callable[[MotionStatus, int], MotionStatus] = lambda status, _: status
-        self.driver_fault = NO_DRIVER  # why no arm state was received, for as long as none is
+        self.contact = ContactReaction(arm, self.motion)
+        self.driver_fault = NO_DRIVER  # why the arm cannot be moved, for as long as it cannot
+        self.obeyed = True  # whether the driver follows this controller's commands, as far as is known
         self.reset(())
 
     def reset(self, codes: tuple[CrfCode, ...]) -> None:
@@ -58,6 +62,7 @@ class ArmControl:
         ``codes``."""
         self._guard = StreamGuard()
         self._observer = Observer(self.motion.kinematics)
+        self.contact.reset()
         self.codes = StatusCodes()
         self.codes.add(codes)
         self.now = self._origin = 0
@@ -70,8 +75,8 @@ class ArmControl:
 
     @property
     def connected(self) -> bool:
-        """Whether arm states come from a driver."""
-        return self._tick is not None
+        """Whether arm states come from a driver that follows this controller."""
+        return self._tick is not None and self.obeyed
 
     @property
     def busy(self) -> bool:
@@ -90,7 +95,8 @@ class ArmControl:
     def status(self) -> MotionStatus:
         """Measured signals and codes, completed with the fields of priority access."""
         running = self.connected and (self.motion.running or self._plans.busy)
-        return self.complete_status(self._observer.status(self.codes.ascending, running), self.now)
+        status = self._observer.status(self.codes.ascending, running, self.contact.last)
+        return self.complete_status(status, self.now)
 
     # -- commands -----------------------------------------------------------------------------------------------------
 
@@ -117,6 +123,8 @@ class ArmControl:
         dropped in favour of ``name``."""
         if not self.connected:
             return Result.failed(CrfCode.Forbidden, self.driver_fault)
+        if held := self.contact.refuses(self.now):
+            return Result.failed(CrfCode.EndEffectorToleranceViolation, held)
         fresh = self._guard.offer(sample, self.now)
         if not fresh.ok:
             return Result.failed(fresh.code, fresh.text, fresh.detail)
@@ -164,6 +172,7 @@ class ArmControl:
     def _begin_motion(self) -> None:
         if self.motion.standing and not self._plans.busy:
             self.codes.begin()
+            self.contact.last = None
 
     # -- ticks --------------------------------------------------------------------------------------------------------
 
@@ -186,6 +195,7 @@ class ArmControl:
         """Mode and values of the command that answers ``state``."""
         if self._guard.expired(self.now):
             self.motion.end_reference()
+        self._watch_contact(state, bool(late))
         self._collect(tick=True, lockstep=self._lockstep)
         mode, values = self.motion.tick(self._time(), state)
         codes = self.motion.codes | late
@@ -193,6 +203,16 @@ class ArmControl:
         self._stop_if_asked(codes)
         self.plan()
         return mode, list(values)
+
+    def _watch_contact(self, state: ArmState, late: bool) -> None:
+        contact = self.contact.see(state, late)
+        if contact is not None:
+            self.codes.add({CrfCode.EndEffectorToleranceViolation})
+            if contact.stopped:
+                self.cancel_plans(CrfCode.Conflict, describe(contact))
+                self._guard.stop(self.now)
+        if not self._plans.busy:
+            self.motion.settle(state)
 
     def rested(self, state: ArmState) -> int | None:
         """The serial up to which everything is done, once when the arm has come to rest with nothing queued."""

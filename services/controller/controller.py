@@ -19,6 +19,7 @@ from rackhand.services.controller.access.types import AccessConfig
 from rackhand.services.controller.arm_control import ArmControl
 from rackhand.services.controller.commands.spec import CommandTable
 from rackhand.services.controller.commands.table import COMMANDS
+from rackhand.services.controller.motion.driver_watch import DriverWatch
 from rackhand.services.controller.motion.executor import CommandMode, MotionExecutor
 from rackhand.services.controller.motion.meter import Stopwatch, no_stopwatch
 from rackhand.services.controller.outputs import ControllerOutput, Outbox
@@ -62,6 +63,7 @@ class Controller:
         )
         self._reports = Reporter(self._arm, stopwatch, self._outbox)
         self._guard = FencingGuard()
+        self._driver = DriverWatch()
         self.access, dispatcher = self._new_access()
         self._requests = RequestHandler(dispatcher, commands, self._arm, reader or executor, self._outbox)
 
@@ -138,6 +140,7 @@ class Controller:
             return self._answer(state, lockstep)
 
     def _answer(self, state: ArmState, lockstep: bool) -> ArmCommand:
+        self._watch_driver(state)
         late = self._arm.begin_tick(state, lockstep)
         self._reports.watch.late_ticks += bool(late)
         now, requests = self._arm.now, self._requests
@@ -149,8 +152,21 @@ class Controller:
         mode, values = self._arm.command(state, late)
         if (serial := self._arm.rested(state)) is not None:
             requests.apply(requests.dispatcher.at_rest(serial, now))
+        if (contact := self._arm.contact.news()) is not None:
+            self._outbox.output.events.append(MotionEvent(stamp=now, name="contact", info=contact))
         self._reports.status(requests.dispatcher, state, commanded)
         return self._fenced(state, mode, values)
+
+    def _watch_driver(self, state: ArmState) -> None:
+        """A driver that follows another controller, or nothing, does not move the arm as it is asked: then nobody holds
+        control, and motion is refused until it obeys. The new epoch replaces whatever it followed."""
+        fault = self._driver.fault(state, self.access.epoch)
+        if fault:
+            self.reset(fault)
+            self._driver.reset()
+            self._arm.obeyed = False
+        elif not self._arm.obeyed and self._driver.obeys(state, self.access.epoch):
+            self._arm.obeyed = True
 
     def _fenced(self, state: ArmState, mode: CommandMode, values: list[float]) -> ArmCommand:
         token = self.access.token

@@ -102,5 +102,7 @@ class ControllerService:
 
 
 def _log_event(event: MotionEvent) -> None:
-    fields = event.info.model_dump(include={"client", "priority", "by", "reason", "kind"})
+    fields = event.info.model_dump(
+        include={"client", "priority", "by", "reason", "kind", "joint", "value", "bound", "unit", "stopped"}
+    )
     log.info(_EVENT_TEXTS.get(event.name, event.name), **{name: value for name, value in fields.items() if value})

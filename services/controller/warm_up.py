@@ -6,9 +6,12 @@ import json
 from concurrent.futures import Executor, Future
 from typing import Any
 
+import numpy as np
+
 from rackhand.schemas.motion import ArmState
 from rackhand.services.controller import ik
 from rackhand.services.controller.controller import Controller
+from rackhand.services.controller.motion.disturbance import resting_efforts
 
 
 class Inline(Executor):
@@ -47,7 +50,8 @@ def warm_up(arm: ik.Arm, period_ns: int) -> None:
         controller.request("warm-up", json.dumps({"priority": 1, **request}), None)
         for _ in range(12):
             still = (0.0,) * arm.n
-            state = ArmState(stamp=stamp, q=q, dq=still, efforts=still, wrench=(0.0,) * 6)
+            efforts = tuple(resting_efforts(arm, np.array(q)).tolist())
+            state = ArmState(stamp=stamp, q=q, dq=still, efforts=efforts, wrench=(0.0,) * 6)
             command = controller.tick(state, lockstep=True)
             q = command.values if command.mode == "position" else q
             stamp += period_ns

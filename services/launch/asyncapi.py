@@ -30,7 +30,10 @@ _UNREQUESTED: dict[str, type[BaseModel]] = {
     "/twist_feedback": ws.Empty,
     "/error": ws.Error,
 }
-_FROM_CLIENTS: dict[str, type[BaseModel]] = {"/twist": ws.Twist}
+_FROM_CLIENTS: dict[str, type[BaseModel]] = {
+    "/twist": ws.Twist,
+    "/follow_target_state": ws.FollowTargetState,
+}
 _NAMES = {
     "chassis": "name of a mobile robot, as in amr1",
     "arm": "name of an arm, as in arm1",

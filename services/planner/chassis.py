@@ -14,6 +14,7 @@ from rackhand.schemas.chassis import (
     Contacts,
     DetectRacks,
     Done,
+    FollowTarget,
     JackRequest,
     JackSelfCheck,
     Odometry,
@@ -51,7 +52,7 @@ from rackhand.services.planner.modes import Modes, RemoteSettings
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
 from rackhand.services.planner.parameters import Basis, ParameterService, ParameterStore
-from rackhand.services.planner.perception.chassis_state import ChassisState
+from rackhand.services.planner.perception.chassis_state import ChassisState, Followed
 from rackhand.services.planner.rack_reports import RackReports
 from rackhand.services.planner.reports import Publication, Reports, chassis_status, planning_state
 from rackhand.services.planner.settings import Limits
@@ -308,6 +309,7 @@ class Chassis:
             raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is moving {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
         self._motion.begin(wanted)
+        self._state.followed = None
         self._status, self._distance = Status(), 0.0
         if replaced is not None:
             self._reports.event(self._stamp, replaced.id, "replaced", f"replaced by move {move.id}")
@@ -348,6 +350,10 @@ class Chassis:
                 if self._state.power_cable:
                     raise RequestRefused(RefusalCode.PRECONDITION, "a power cable is plugged into the chassis")
                 self._modes.take_remote_twist(twist, self._stamp)
+            case FollowTarget() as target:
+                if self._book.current is None or self._book.current.type != "follow_target":
+                    raise RequestRefused(RefusalCode.PRECONDITION, "no follow_target move is running")
+                self._state.followed = Followed(self._stamp, target)
             case JackRequest(direction=direction):
                 self._check_may_jack()
                 detail = self._jack.request(direction, self._state.jack)

@@ -195,6 +195,14 @@ class NavigationSettings:
     route_join_distance: float = 5.0  # from the first point, within which a route may be begun
     off_line_distance: float = 0.1  # off a given line, as after a push, from which on the chassis drives back to it
 
+    # following a target
+    follow_distance: float = 1.2  # from the chassis' origin to the target
+    follow_gain: float = 1.0  # m/s for each metre that the target is farther
+    follow_silence: float = 1.0  # without a /follow_target_state, after which the chassis stops
+    follow_timeout: float = 10.0  # and after which the move fails
+    follow_replan_period: float = 0.3
+    target_radius: float = 0.5  # about the target, in which what is observed is the target itself
+
     # arrival
     position_tolerance: float = 0.012  # where the approach stops, if the goal's accuracy is not smaller
     yaw_tolerance: float = 0.012

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import rerun as rr
 
 from rackhand.schemas.base import Quaternion, Vec3
+from rackhand.schemas.crf_contact import Contact
 from rackhand.schemas.motion import (
     ArmModel,
     Gripper,
@@ -42,7 +43,7 @@ _EVENTS: dict[str, str] = {
     "resumed": "resumed, by",
     "heartbeatLost": "heartbeat lost of",
 }
-_LEVELS: dict[str, Level] = {"controlLost": "WARN", "stopped": "ERROR", "heartbeatLost": "WARN"}
+_LEVELS: dict[str, Level] = {"controlLost": "WARN", "stopped": "ERROR", "heartbeatLost": "WARN", "contact": "WARN"}
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,11 @@ class ArmView:
 
     def event(self, event: MotionEvent) -> Iterable[Item]:
         info = event.info
+        if isinstance(info, Contact):
+            at = "at the flange" if info.joint is None else f"of joint {info.joint}"
+            done = "stopped by contact" if info.stopped else "contact"
+            yield self._note(f"{done}: {info.kind} {at} {info.value:.3g} {info.unit}", _LEVELS["contact"])
+            return
         text = f"{_EVENTS[event.name]} {_short(info.client)} (priority {info.priority})"
         if info.kind:
             text = f"{info.kind}: {text}"

@@ -6,11 +6,13 @@ import json
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from rackhand.schemas.arrays import Array
 from rackhand.schemas.motion import (
     ArmCommand,
     ArmState,
+    Following,
     Gripper,
     MotionDiagnostics,
     MotionEvent,
@@ -61,6 +63,8 @@ class PerfectArm:
         self.gripper = gripper
         self.stamp = 0
         self.q, self.dq = arm.home.copy(), np.zeros(arm.n)
+        self._before, self._data = self.dq, arm.model.createData()
+        self.follows: Following | None = None  # it does not report what it follows
         self.answers: dict[int, dict[str, Any]] = {}
         self.events: list[MotionEvent] = []
         self.audit: list[AuditEntry] = []
@@ -112,14 +116,30 @@ class PerfectArm:
             self.tick()
 
     def tick(self) -> ArmCommand:
-        still = (0.0,) * self.arm.n
-        state = ArmState(
-            stamp=self.stamp, q=tuple(self.q), dq=tuple(self.dq), efforts=still, wrench=(0.0,) * 6, gripper=self.gripper
-        )
-        self.command = self.controller.tick(state, self.lockstep)
+        self.command = self.controller.tick(self.measured(), self.lockstep)
         assert self.command.answers == self.stamp
         self.take()
         return self.command
+
+    def halt(self) -> None:
+        """It has come to rest by other means."""
+        self.dq = self._before = np.zeros(self.arm.n)
+
+    def measured(self) -> ArmState:
+        """Its motors give what its motion needs: nothing touches it."""
+        model, v = self.arm.model, self.dq
+        a = (v - self._before) / (PERIOD_NS * 1e-9)
+        self._before = v
+        efforts = pin.rnea(model, self._data, self.q, v, a) + model.damping * v
+        return ArmState(
+            stamp=self.stamp,
+            q=tuple(self.q),
+            dq=tuple(v),
+            efforts=tuple(efforts),
+            wrench=(0.0,) * 6,
+            gripper=self.gripper,
+            follows=self.follows,
+        )
 
     def until_rest(self, limit: float = 30.0) -> float:
         """Advances until the queue is empty and the arm stands; how long that took, seconds."""

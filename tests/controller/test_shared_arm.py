@@ -157,7 +157,7 @@ class SharedArm(RuleBasedStateMachine):
     def crash(self) -> None:
         """The driver goes and comes back: a new epoch, nobody's arm, standing."""
         self.arm.controller.reset("crash")
-        self.arm.dq = np.zeros(6)
+        self.arm.halt()
         self.arm.command = None
         self.arm.advance(0.0)
         assert self.holder() is None

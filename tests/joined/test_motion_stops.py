@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rackhand.schemas.crf import CrfCode
-from rackhand.schemas.motion import ArmState
+from rackhand.schemas.motion import ArmState, FencingToken
 from rackhand.services.controller import ik
 from tests.joined.arm import JoinedArm
 from tests.joined.checks import OK, Array, check_commands, check_limits, first_rest, off_line, pose, speeds, tools
@@ -179,3 +179,59 @@ def test_torques_are_bounded(either: Either) -> None:
     assert asked.size and (asked <= arm.limits.torque * (1 + 1e-9)).all()
     assert (np.abs([s.efforts for s in states]) <= arm.limits.torque).all()
     assert speeds(station.advance(1.0))[-1] < 1e-3
+
+
+# -- torques that end -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("torque", "seconds"), [(5.0, 0.28), (2.0, 0.4)])
+def test_a_torque_that_ends_while_the_arm_moves_brakes_within_the_limits(
+    either: Either, torque: float, seconds: float
+) -> None:
+    station, arm = either
+    torque *= arm.limits.torque[-1] / 28.0
+    for _ in range(round(seconds / 0.04)):
+        station.ok(command="setTorque", type="joints", data=[0.0] * (arm.n - 1) + [torque])
+        station.advance(0.04)
+    states = station.advance(1.5)
+    speed = np.array([state.dq[-1] for state in states])
+    fastest = int(np.abs(speed).argmax())
+    braking = (speed[fastest + 2 :] - speed[fastest:-2]) / 0.004 / arm.limits.acceleration[-1]
+    print(f"{arm.name}: at {np.abs(speed).max():.2f} rad/s, braked with {np.abs(braking).max():.2f} of its limit")
+    assert np.abs(speed).max() > 0.5
+    # What the torque accelerated while the command was on its way is taken out within one control period.
+    assert np.abs(braking).max() < 2.8
+    assert np.sort(np.abs(braking))[-4] < 1.25, "for at most two control periods"
+    assert np.abs(speed[-1]) < 1e-3
+
+
+def test_a_torque_into_the_end_of_a_range_commands_nothing_outside(either: Either) -> None:
+    station, arm = either
+    joint = 3 if arm.n == 6 else 6
+    start = arm.home.copy()
+    start[joint] = arm.limits.upper[joint] - 0.15
+    station.drive_to(start)
+    push = np.zeros(arm.n)
+    push[joint] = 0.6 * arm.limits.torque[joint]
+    for _ in range(20):
+        station.ask("a", command="setTorque", priority=10, type="joints", data=push.tolist())
+        station.advance(0.04)
+    sent = [command.values[joint] for command in station.commands() if command.mode == "position"]
+    assert sent and max(sent) <= arm.limits.upper[joint]
+    most = max(state.q[joint] for state in station.states)
+    print(f"{arm.name}: {1e3 * (arm.limits.upper[joint] - most):.1f} mrad before the end of the range")
+    assert most <= arm.limits.upper[joint] + 0.01
+
+
+def test_a_stray_command_is_noticed_and_the_arm_obeys_again(either: Either) -> None:
+    station, arm = either
+    goal = arm.home + np.append(0.5, np.zeros(arm.n - 1))
+    newest = station.sent[-1]
+    stray = newest.model_copy(update={"token": FencingToken(epoch="another", lease=1)})
+    station.world.session.command(station.name, stray)
+    station.advance(0.04)
+    station.advance(0.04)
+    assert CrfCode.Disconnected in station.status()["controllerStatus"]
+    station.advance(0.2)
+    station.ok(command="appendPath", type="joints", data=[goal.tolist()])
+    assert np.abs(np.array(station.advance(4.0)[-1].q) - goal).max() < 1e-3

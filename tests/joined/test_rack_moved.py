@@ -12,7 +12,7 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import ChassisStatus
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
-from rackhand.schemas.world import Push
+from rackhand.schemas.world import Place, Push, Remove
 from rackhand.services.planner.load import Slip
 from tests.joined.chassis import JoinedChassis
 from tests.joined.racks import hall_with_racks, lift, lower, rack_error, unload
@@ -74,3 +74,17 @@ def test_driving_hard_does_not_move_the_rack(carrying: JoinedChassis) -> None:
     for x, y in ((4.0, 3.0), (-3.0, 3.0)):
         assert carrying.drive(unload(x, y, 0.0)).state == "succeeded"
     assert carrying.core._motion.load.slipped is Slip.NONE
+
+
+def test_what_is_under_the_rack_holds_the_move_only_where_the_setting_says_so(carrying: JoinedChassis) -> None:
+    motion = carrying.core._motion
+    carrying.world.ask(Place(name="bin", pose=Pose2(x=0.0, y=0.31, yaw=0.0), size=(0.1, 0.05, 0.25)))
+    motion.set_racks(motion.settings.rack_specs, ignore_objects_under_rack=False)
+    start = carrying.world.true_pose(carrying.name)
+    move = carrying.post(unload(3.0, 0.0, 0.0))
+    carrying.world.advance(3.0)
+    assert carrying.move(move).state == "moving"
+    assert "under the rack, about (0.0" in carrying.newest(topics.PLANNING_STATE).message
+    assert carrying.world.true_pose(carrying.name).x == pytest.approx(start.x, abs=0.005)
+    carrying.world.ask(Remove(name="bin"))
+    assert carrying.finish(move).state == "succeeded"

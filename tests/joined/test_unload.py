@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import JackRequest
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
@@ -37,6 +38,9 @@ def test_the_rack_ends_at_the_point(tmp_path: Path, kind: str, yaw: float) -> No
         driver = world.chassis()
         lift(driver, "rack", OFF)
         assert driver.drive(unload(2.0, 1.5, yaw)).state == "succeeded"
+        moving = [m for topic, m in driver.published if topic is topics.PLANNING_STATE and m.move_state == "moving"]
+        assert all(m.target is None and m.remaining_distance == 0.0 for m in moving)
+        assert moving[-1].flags == ("unloading_rack",) and moving[-1].intent_target == Pose2(x=2.0, y=1.5, yaw=yaw)
         lower(driver)
         metres, degrees = rack_error(driver, "rack", 2.0, 1.5, yaw)
         assert metres < 0.03 and degrees < 1.0

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
+from pydantic import ValidationError
 
 from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS, Pose2, Twist2
 from rackhand.schemas.chassis import (
     Battery,
+    FollowTarget,
     Jack,
     JackRequest,
     RemoteTwist,
@@ -21,7 +23,7 @@ from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import TIME_LIMIT_NS
 from rackhand.services.planner.moves.records import RESTARTED
-from tests.planner.fakes import FORWARD, STEP, Cell
+from tests.planner.fakes import FORWARD, STEP, Cell, Script
 
 
 def remote(linear: float, angular: float = 0.0) -> RemoteTwist:
@@ -130,6 +132,29 @@ def test_a_restart_of_the_planner_ends_a_paused_move(make_cell: Callable[..., Ce
     assert (after.tick(10).twist, after.planning().paused) == (STANDSTILL, False)
     after.create()
     assert after.tick(5).twist.linear > 0.0
+
+
+def test_a_target_is_taken_while_a_follow_target_move_runs(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell(behaviors={"follow_target": Script()})
+    target = FollowTarget(state="follow_pose", position=(2.0, 0.0))
+    with pytest.raises(RequestRefused, match="no follow_target move is running"):
+        cell.ask(target)
+    cell.create()
+    with pytest.raises(RequestRefused, match="no follow_target move is running"):
+        cell.ask(target)
+    move = cell.create(type="follow_target", target_x=None, target_y=None)
+    cell.tick(2)
+    cell.ask(target)
+    cell.tick()
+    assert cell.get(move.id).state == "moving"
+    cell.cancel()
+    with pytest.raises(RequestRefused, match="no follow_target move is running"):
+        cell.ask(target)
+
+
+def test_a_target_without_position_and_heading_is_malformed() -> None:
+    with pytest.raises(ValidationError, match="needs a position, a heading, or both"):
+        FollowTarget(state="follow_pose")
 
 
 def test_pausing_what_does_not_run(cell: Cell) -> None:

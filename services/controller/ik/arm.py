@@ -172,6 +172,7 @@ def _add_joint(model: pin.Model, compiled: mujoco.MjModel, joint: int, parent: i
     low, high = compiled.jnt_range[joint] if limited else (-np.inf, np.inf)
     model.lowerPositionLimit[position], model.upperPositionLimit[position] = low, high
     model.armature[velocity] = compiled.dof_armature[compiled.jnt_dofadr[joint]]
+    model.damping[velocity] = compiled.dof_damping[compiled.jnt_dofadr[joint]]
     torque = compiled.jnt_actfrcrange[joint] if compiled.jnt_actfrclimited[joint] else (-np.inf, np.inf)
     model.lowerEffortLimit[velocity], model.upperEffortLimit[velocity] = torque
     return added

@@ -34,6 +34,9 @@ from rackhand.services.controller.trajectory.stream import Motion, Sample
 CommandMode = Literal["position", "velocity", "torque"]
 
 AT_REST = 1e-6  # rad/s commanded
+STILL = 0.01  # rad/s measured
+# rad: farther from where it is held, after a stop, the arm is held where it is instead.
+SETTLED_STOP, SETTLED_CONTACT = 0.01, 0.001
 _STOP = "stop"
 
 
@@ -54,6 +57,8 @@ class MotionExecutor:
         self._ending: Literal["soft", "hard"] | None = None  # how a torque ends, at the next measurement
         self._follower: VelocityFollower = JointVelocity(arm, period)
         self._by_solver = False
+        self._settles: float | None = None  # after a stop, until the arm is at rest: how exactly it is held
+        self._measured_v = np.zeros(arm.n)  # of the tick before, while a torque acts
         self.q, self.v, self.a = arm.home.copy(), np.zeros(arm.n), np.zeros(arm.n)
 
     # -- state --------------------------------------------------------------------------------------------------------
@@ -75,6 +80,21 @@ class MotionExecutor:
         """Whether waypoints can be planned from the end of the queue. Not while the solver chooses the posture on the
         path, nor before a reference has ended."""
         return self._active is None and not (self._by_solver and self.queue.motions)
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether it is being stopped because something holds it."""
+        return self._settles == SETTLED_CONTACT and not self.standing
+
+    @property
+    def follows(self) -> bool:
+        """Whether a velocity or torque is followed."""
+        return self._active is not None
+
+    @property
+    def by_torque(self) -> bool:
+        """Whether a torque moves the arm, which may press against something."""
+        return self._active is not None and self._active.signal == "torque"
 
     @property
     def low_manipulability(self) -> bool:
@@ -111,9 +131,32 @@ class MotionExecutor:
         else:
             self._active = replace(self._active, values=np.zeros_like(self._active.values))
 
+    def give_way(self, state: ArmState) -> None:
+        """Something holds the arm: every joint stops as fast as it can, from where it is measured."""
+        self._next = None
+        self._set_measured(state)
+        self._brake(hard=True)
+        self._settles = SETTLED_CONTACT
+
+    def touched(self) -> None:
+        """Something pushes the arm: after a stop it is held exactly where it is then."""
+        if self._settles is not None:
+            self._settles = SETTLED_CONTACT
+
+    def settle(self, state: ArmState) -> None:
+        """After a stop the arm is held where it is: what has kept it off its path may go, and nothing moves. To be
+        called before a tick, unless a path is being planned from where the arm is held."""
+        if self._settles is None or not self.standing:
+            return
+        if np.abs(np.array(state.q) - self.q).max() > self._settles:
+            self._set_measured(state)
+            self._rest()
+        elif np.abs(state.dq).max() < STILL:
+            self._settles = None
+
     def soft_stop(self) -> None:
         """Along the path, within the profile's limits; the queue is dropped."""
-        self._next = None
+        self._next, self._settles = None, self._settles or SETTLED_STOP
         if self._active is not None:
             self._end_active(hard=False)
         else:
@@ -121,7 +164,7 @@ class MotionExecutor:
 
     def hard_stop(self) -> None:
         """Every joint as fast as the arm can."""
-        self._next = None
+        self._next, self._settles = None, self._settles or SETTLED_STOP
         if self._active is not None:
             self._end_active(hard=True)
         elif self.queue.running(self.time):
@@ -147,6 +190,7 @@ class MotionExecutor:
 
     def drive(self, queue: MotionQueue) -> None:
         """Takes over a queue that was planned from the present one."""
+        self._settles = None
         if not self.queue.motions:
             motions = [queued.motion for queued in queue.motions]
             tasks = all(isinstance(motion, Motion) and isinstance(motion.path, TaskPath) for motion in motions)
@@ -174,7 +218,7 @@ class MotionExecutor:
                 self._velocity(self._active, codes)
             elif self.queue.motions:
                 self._path(codes)
-            values = self.q
+            values = np.clip(self.q, self.arm.limits.lower, self.arm.limits.upper)
         self.time += self.period
         self.codes = frozenset(codes)
         return mode, values.tolist()
@@ -227,15 +271,17 @@ class MotionExecutor:
 
     def _torque(self, active: SignalReference, state: ArmState, codes: set[CrfCode]) -> Array | None:
         """The torques, or None where the arm brakes from here on."""
+        before = self._measured_v
         self._set_measured(state)
-        if self._ending is not None:
-            self._brake(self._ending == "hard")
-            return None
-        if must_brake(self.arm, self.q, self.v, self.period):
+        gained, self._measured_v = self.v - before, self.v
+        ended = self._ending
+        if ended is None and must_brake(self.arm, self.q, self.v, gained, self.period):
             codes.add(CrfCode.HardwareLimit)
-            self._brake(hard=True)
-            return None
-        return joint_torques(self.arm, self.kinematics, active, self.q)
+            ended = "hard"
+        if ended is None:
+            return joint_torques(self.arm, self.kinematics, active, self.q)
+        self._brake(ended == "hard")
+        return None
 
     # -- transitions --------------------------------------------------------------------------------------------------
 
@@ -247,7 +293,8 @@ class MotionExecutor:
             self._brake(hard)
 
     def _begin_reference(self, reference: SignalReference) -> None:
-        self._active, self._next = reference, None
+        self._active, self._next, self._settles = reference, None, None
+        self._measured_v = self.v
         if reference.space == "joints":
             self._follower = JointVelocity(self.arm, self.period)
         else:

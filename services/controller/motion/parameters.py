@@ -40,6 +40,7 @@ class Tuning:
         self._ik = solver
         self._enabled: frozenset[str] = frozenset()
         self.stops_on: frozenset[CrfCode] = frozenset()
+        self.stops_on_contact = True
         self.zones = False
 
     @property
@@ -87,6 +88,8 @@ class Tuning:
             if wanted is not None:
                 (stops_on.add if wanted else stops_on.discard)(code)
         self.stops_on = frozenset(stops_on)
+        if conditions.stop_on_tolerance_violation is not None:
+            self.stops_on_contact = conditions.stop_on_tolerance_violation
 
 
 def _functions(functions: ObjectiveFunctions) -> Iterator[Objective]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rackhand.schemas.arrays import Array
 from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.crf_contact import Contact
 from rackhand.schemas.crf_requests import CrfVector
 from rackhand.schemas.motion import ArmState, Expected, MotionStatus
 from rackhand.schemas.orientation import CrfVec6, Orientation, TaskPose
@@ -52,7 +53,7 @@ class Observer:
             self._rates = ((dq - self._last[1]) / dt, (twist - self._last[2]) / dt)
         self._last = (state.stamp, dq, twist)
 
-    def status(self, codes: tuple[int, ...], running: bool) -> MotionStatus:
+    def status(self, codes: tuple[int, ...], running: bool, contact: Contact | None = None) -> MotionStatus:
         """Without the fields of priority access (``Dispatcher.complete`` adds it)."""
         state, last = self.state, self._last
         if state is None or last is None:
@@ -91,6 +92,7 @@ class Observer:
             task_force_torque=Expected[CrfVec6].of(_six(wrench)),
             stamp=state.stamp,
             gripper=state.gripper,
+            contact=contact,
         )
 
 

@@ -9,9 +9,15 @@ from rackhand.services.controller import ik
 from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.motion.signal import SignalReference
 
+LEAD = 3
+"""Ticks that a torque still acts when it is ended at the next tick: until that, until its command takes
+effect, and while the deceleration builds up."""
 
-def must_brake(arm: ik.Arm, q: Array, v: Array, period: float) -> bool:
-    """Whether going on from the measured ``q`` and ``v`` (n,) would break a limit of position or velocity."""
+
+def must_brake(arm: ik.Arm, q: Array, v: Array, gained: Array, period: float) -> bool:
+    """Whether going on from the measured ``q`` and ``v`` (n,) would break a limit of position or velocity, before a
+    stop that begins at the next tick could keep it. ``gained`` (n,): the velocity gained in the last ``period``."""
+    q, v = q + LEAD * period * (v + 0.5 * LEAD * gained), v + LEAD * gained
     lower, upper = ik.velocity_box(arm, q, v, period)
     return bool((v > upper).any() or (v < lower).any())
 

@@ -3,6 +3,7 @@ import { draw, paintMap } from "./draw.js";
 import { Drive, listenToMap } from "./gestures.js";
 import { at, complain, showState, showCursor, showHealth, showLink, showMoves, showRobot } from "./panel.js";
 import { RackJobs } from "./racks.js";
+import { Route } from "./route.js";
 import { View } from "./view.js";
 import { TOPICS, Wire, ask, order } from "./wire.js";
 
@@ -19,6 +20,7 @@ const COLOURS = [
 const view = new View(at("map"));
 const known = { trail: [] };
 const jobs = new RackJobs(command, changed);
+const route = new Route(command, changed);
 let colours = readColours();
 let aim = null;
 let redraw = false;
@@ -37,7 +39,7 @@ function changed() {
   requestAnimationFrame(() => {
     redraw = false;
     jobs.show(known);
-    draw(view, { ...known, chosen: jobs.chosen?.key }, aim, colours);
+    draw(view, { ...known, route, chosen: jobs.chosen?.key }, aim, colours);
     showState(known);
   });
 }
@@ -126,6 +128,7 @@ function link(connected) {
 listenToMap(view, {
   onAim: (now) => { aim = now; changed(); },
   onGo: ({ pos: [x, y], ori }) => {
+    if (route.add([x, y])) return;
     if (ori === undefined && jobs.choose([x, y])) {
       changed();
       return;
@@ -140,6 +143,12 @@ at("zoom-in").addEventListener("click", () => { view.zoomAtCentre(1.4); changed(
 at("zoom-out").addEventListener("click", () => { view.zoomAtCentre(1 / 1.4); changed(); });
 at("zoom-fit").addEventListener("click", () => { view.touched = false; changed(); });
 at("cancel").addEventListener("click", () => command("PATCH", "/chassis/moves/current", { state: "cancelled" }));
+at("pause").addEventListener("click", () => {
+  command("PATCH", "/chassis/moves/current", { state: known.planning?.paused ? "moving" : "paused" });
+});
+at("charge-move").addEventListener("click", () => {
+  command("POST", "/chassis/moves", { creator: "gateway page", type: "charge", charge_retry_count: 3 });
+});
 at("stop").addEventListener("click", () => {
   command("POST", "/services/wheel_control/set_emergency_stop", { enable: !known.wheels?.emergency_stop_pressed });
 });

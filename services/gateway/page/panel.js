@@ -50,7 +50,8 @@ function showMove({ planning, longest, moves }) {
   show("move-note", note);
   dress("move-note", failed ? "" : "warn");
   hide("move-note", !note);
-  at("cancel").disabled = !moving;
+  at("cancel").disabled = at("pause").disabled = !moving;
+  show("pause", planning.paused ? "Resume" : "Pause");
 }
 
 // Why a move does not go on, or an empty text.

@@ -14,9 +14,9 @@ from starlette.websockets import WebSocketDisconnect
 from rackhand.bus import BusError
 from rackhand.schemas import topics
 from rackhand.schemas.base import Twist2
-from rackhand.schemas.chassis import ChassisRequest, RemoteTwist
+from rackhand.schemas.chassis import ChassisRequest, FollowTarget, RemoteTwist
 from rackhand.schemas.codec import MalformedMessage, explain
-from rackhand.schemas.websocket import Empty, EnabledTopics, Error, Subscription, Twist
+from rackhand.schemas.websocket import Empty, EnabledTopics, Error, FollowTargetState, Subscription, Twist
 from rackhand.services.gateway.chassis_api.device import device_info_brief
 from rackhand.services.gateway.context import Context, Gateway
 from rackhand.services.gateway.http.bodies import MalformedJson, read_json
@@ -78,13 +78,17 @@ async def answer(message: Any, gateway: Context, client: Client) -> list[str]:
         match value.get("topic"):
             case "/twist":
                 return [await _drive(Twist.model_validate(value), gateway)]
+            case "/follow_target_state":
+                await _follow(FollowTargetState.model_validate(value), gateway)
+                return []
             case "/get_device_info_brief":
                 return [json.dumps({"topic": "/device_info_brief", **device_info_brief(gateway.state)})]
             case None:
                 raise MalformedJson("want enable_topic, disable_topic or topic")
             case other:
                 raise MalformedJson(
-                    f"topic {str(other)[:80]!r} cannot be published by clients; want /twist or /get_device_info_brief"
+                    f"topic {str(other)[:80]!r} cannot be published by clients; want /twist, /follow_target_state or "
+                    "/get_device_info_brief"
                 )
     except ValidationError as error:
         return [_error(explain(error))]
@@ -108,6 +112,16 @@ async def _drive(twist: Twist, gateway: Context) -> str:
     body = Twist2(linear=twist.linear_velocity, angular=twist.angular_velocity)
     await gateway.ask(topics.CHASSIS_REQUEST, ChassisRequest(request=RemoteTwist(twist=body)))
     return frame("/twist_feedback", Empty())
+
+
+async def _follow(state: FollowTargetState, gateway: Context) -> None:
+    """Nothing is answered to a frame that was taken."""
+    pose = state.target_pose if state.follow_state == "follow_pose" else None
+    position = None if pose is None or pose.pos is None else (pose.pos[0], pose.pos[1])
+    if state.follow_state == "follow_pose" and position is None and (pose is None or pose.ori is None):
+        raise MalformedJson("target_pose: want pos, ori or both with follow_state 'follow_pose'")
+    target = FollowTarget(state=state.follow_state, position=position, yaw=None if pose is None else pose.ori)
+    await gateway.ask(topics.CHASSIS_REQUEST, ChassisRequest(request=target))
 
 
 def _error(text: str) -> str:

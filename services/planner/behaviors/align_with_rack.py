@@ -129,7 +129,7 @@ class RackDock:
     """The rack at a rack point, as something to dock to. Its frame is that of ``RackSpec``, so the docked pose is ahead
     of the rack's middle, at most."""
 
-    flag: PlanningFlag = "aligning_with_rack"
+    intent = "aligning_with_rack"
 
     _target: RackTarget
     _specs: tuple[RackSpec, ...]
@@ -139,6 +139,9 @@ class RackDock:
         self._request = request
         self._chosen = target
         self._sighting: RackSighting | None = None
+
+    def flags(self) -> frozenset[PlanningFlag]:
+        return frozenset({"aligning_with_rack"})
 
     def begin(self, ctx: Context) -> None:
         overlays = ctx.costmap.static.overlays

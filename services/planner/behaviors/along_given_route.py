@@ -144,7 +144,7 @@ class AlongRoute:
 
     def _along_the_line(self, ctx: Context) -> Twist2:
         line = self._line
-        if must_wait(ctx.pose, ctx.twist, line.ahead(), ctx.costmap, ctx.footprint):
+        if must_wait(ctx.pose, ctx.twist, line.ahead(), ctx.costmap.movers.rows(), ctx.footprint):
             return STANDSTILL
         return line.current.follow(ctx.predicted, ctx.twist, self._free, ctx.costmap, ctx.footprint, ctx.settings)
 

@@ -146,7 +146,7 @@ class Detour:
             self._blocked_since = None
         if driving.has_ended(route, ctx.pose, driving.SEGMENT_END):
             return self._end_of_segment(ctx, line, route)
-        if must_wait(ctx.pose, ctx.twist, route.ahead(), ctx.costmap, ctx.footprint):
+        if must_wait(ctx.pose, ctx.twist, route.ahead(), ctx.costmap.movers.rows(), ctx.footprint):
             return STANDSTILL
         return driving.follow(
             route, ctx.predicted, ctx.twist, free, ctx.costmap, ctx.footprint, closely(ctx.settings), in_place=False

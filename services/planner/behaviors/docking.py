@@ -48,7 +48,8 @@ class Place:
     """A dock's geometry. ``prior``: its pose as registered, in the map. ``docked``: the chassis' pose in the dock's
     frame when it is docked. ``direction``: 1 driven forward onto it, -1 backward. ``staging``: metres before the docked
     pose at which to begin, the preferred one first. ``speed``: m/s onto it. ``lane``: convex polygon in the dock's
-    frame, (n, 2), inside which the braking guard ignores obstacles; ``obstruction`` does not."""
+    frame, (n, 2), inside which the braking guard ignores obstacles; ``obstruction`` does not. ``mapped``: the same in
+    the map, for the dock as it is on the map."""
 
     prior: Pose
     docked: Pose
@@ -57,12 +58,16 @@ class Place:
     funnel: Funnel
     speed: float
     lane: Array | None = None
+    mapped: Array | None = None
 
 
 class Dockable(Protocol):
     """Something to dock to. Poses named ``dock`` are in the map. All may raise ``MoveFailed``."""
 
-    flag: PlanningFlag
+    intent: str
+
+    def flags(self) -> frozenset[PlanningFlag]:
+        """Of ``/planning_state``, now."""
 
     def begin(self, ctx: Context) -> None:
         """Checks of the request and of the chassis."""
@@ -155,12 +160,12 @@ class Docking:
         return replace(
             driving,
             target=None,
-            intent=self._dock.flag,
+            intent=self._dock.intent,
             intent_target=Pose2(x=x, y=y, yaw=yaw),
             remaining_distance=0.0,
             stuck_state="move_stucked" if self._stuck else driving.stuck_state,
             viewport_blocked=self._ctx.vetoed or driving.viewport_blocked,
-            flags=frozenset({self._dock.flag}),
+            flags=self._dock.flags(),
             detected_rack=self._detected,
         )
 
@@ -306,9 +311,11 @@ class Docking:
         return self._dock.obstruction(self._view.points(seen), at)
 
     def _may_touch(self) -> tuple[Array, ...]:
-        if self._place.lane is None or self._drive is not None:
+        place = self._place
+        if place.lane is None or self._drive is not None:
             return ()
-        return (se2.transformed(self._view.in_map(self._ctx), self._place.lane),)
+        lane = se2.transformed(self._view.in_map(self._ctx), place.lane)
+        return (lane,) if place.mapped is None else (lane, place.mapped)
 
     def _look_at_scan(self) -> None:
         self._detected = None

@@ -31,10 +31,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.base import NANOSECONDS, Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.maps import LineType, PointType, RegionType
-from rackhand.schemas.moves import MoveCreate
+from rackhand.schemas.moves import MoveCreate, PlanningFlag
 from rackhand.schemas.racks import Occupancy
 from rackhand.services.planner.behaviors import align_with_rack, to_unload_point
 from rackhand.services.planner.behaviors.align_with_rack import RackTarget, check_jack_down
@@ -84,6 +84,7 @@ class Task(Protocol):
     ``recoverable``: reasons of a single point.
     """
 
+    flag: PlanningFlag
     wanted: Occupancy
     failed: Reason
     none: Reason
@@ -97,6 +98,7 @@ class Task(Protocol):
 
 
 class AlignTask:
+    flag: PlanningFlag = "aligning_with_rack"
     wanted: Occupancy = "occupied"
     failed, none = Reason.ALIGN_FAILED_IN_RACK_AREA, Reason.NO_RACK_IN_RACK_AREA
     recoverable = _ON_THE_WAY | {Reason.RACK_DETECTION_ERROR, Reason.RACK_RETRY_COUNT_EXCEEDED}
@@ -110,6 +112,7 @@ class AlignTask:
 
 
 class UnloadTask:
+    flag: PlanningFlag = "unloading_rack"
     wanted: Occupancy = "free"
     failed, none = Reason.FAILED_TO_UNLOAD_IN_RACK_AREA, Reason.NO_FREE_SPACE_IN_RACK_AREA
     recoverable = frozenset({Reason.UNLOAD_POINT_OCCUPIED, Reason.UNLOAD_POINT_UNREACHABLE})
@@ -246,7 +249,7 @@ class RackArea:
         self._inner = DriveToPose(goal)
         while self._state(point) == "unknown":
             outcome = self._inner.step(self._ctx)
-            self._status = self._inner.status()
+            self._status = self._looking(self._inner.status(), point)
             if isinstance(outcome, Done):
                 break
             yield outcome
@@ -276,6 +279,11 @@ class RackArea:
         finally:
             self._inner = None
             self._ctx.plans.cancel()
+
+    def _looking(self, status: Status, point: PointOfInterest) -> Status:
+        """Of the drive to a viewpoint, shown as that of the work at the point, which has no path of its own."""
+        place = Pose2(x=point.x, y=point.y, yaw=point.yaw or 0.0)
+        return replace(status, intent_target=place, remaining_distance=0.0, flags=frozenset({self._task.flag}))
 
     def _within_area(self) -> Context:
         """Another point may be free: what is in the way at this one is not waited for long."""

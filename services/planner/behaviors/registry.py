@@ -6,7 +6,14 @@ from collections.abc import Callable, Mapping
 
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
-from rackhand.services.planner.behaviors import along_given_route, approach, deprecated, rack_area
+from rackhand.services.planner.behaviors import (
+    along_given_route,
+    approach,
+    charge,
+    deprecated,
+    follow_target,
+    rack_area,
+)
 from rackhand.services.planner.behaviors.base import Behavior
 from rackhand.services.planner.errors import MoveFailed
 
@@ -17,8 +24,10 @@ BEHAVIORS: Registry = {
     "none": approach.for_request,
     "standard": approach.for_request,
     "align_with_rack": rack_area.align_for_request,
+    "charge": charge.for_request,
     "to_unload_point": rack_area.unload_for_request,
     "along_given_route": along_given_route.for_request,
+    "follow_target": follow_target.for_request,
     "leave_elevator": deprecated.for_request,
     "pull_over": deprecated.for_request,
     "parking": deprecated.for_request,

@@ -30,7 +30,7 @@ import numpy as np
 from rackhand.schemas.base import NANOSECONDS, Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import PointType
-from rackhand.schemas.moves import MoveCreate
+from rackhand.schemas.moves import MoveCreate, PlanningFlag
 from rackhand.services.planner.behaviors.align_with_rack import checked_layer
 from rackhand.services.planner.behaviors.approach import approach
 from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
@@ -51,6 +51,7 @@ from rackhand.services.planner.settings import NavigationSettings
 IN_VIEW = 5.0  # m from the place, within which the local costmap covers it
 OVERLAP = 0.2  # of a cell, by which the rack's outline may overlap an observed one: scan noise moves cells that much
 THROUGH = 0.15  # m around the place, within which plans ignore what is observed
+FLAGS: frozenset[PlanningFlag] = frozenset({"unloading_rack"})
 HEADINGS = 8  # that are tried where any will do
 WAY_IN, WAY_IN_STEP = 1.5, 0.25  # m of straight way before a place by which headings are compared
 
@@ -277,4 +278,5 @@ class ToUnloadPoint:
     def _shown(self) -> Status:
         target = self._target
         yaw = float(self._goal[2]) if target.yaw is None else target.yaw
-        return replace(self._drive.status(), target=Pose2(x=target.x, y=target.y, yaw=yaw))
+        place = Pose2(x=target.x, y=target.y, yaw=yaw)
+        return replace(self._drive.status(), intent_target=place, remaining_distance=0.0, flags=FLAGS)

@@ -82,10 +82,9 @@ class GivenLine:
         return float(free), self.row + int(index)
 
 
-def must_wait(pose: Pose, twist: Twist2, ahead: Array, costmap: LocalCostmap, footprint: Footprint) -> bool:
+def must_wait(pose: Pose, twist: Twist2, ahead: Array, movers: Array, footprint: Footprint) -> bool:
     """Whether a dynamic obstacle comes near if the chassis goes on along ``ahead`` (rows x, y, yaw), and not as near if
-    it stops."""
-    movers = costmap.movers.rows()
+    it stops. ``movers``: rows x, y, vx, vy, radius."""
     if not len(movers):
         return False
     speeds = max(abs(twist.linear), SLOWEST_ASSUMED), 0.0

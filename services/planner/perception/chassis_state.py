@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rackhand.schemas.base import NANOSECONDS, Message, Pose2, Twist2
-from rackhand.schemas.chassis import Battery, ChassisModel, Contacts, Jack, LocalisedPose, Odometry, Scan
+from rackhand.schemas.chassis import Battery, ChassisModel, Contacts, FollowTarget, Jack, LocalisedPose, Odometry, Scan
 
 POSE_TIMEOUT_NS = NANOSECONDS // 2
 QUALITY_LOST = 1
@@ -23,6 +23,14 @@ class Observation:
     scan: Scan | None
 
 
+@dataclass(frozen=True)
+class Followed:
+    """What a client says of the target of a ``follow_target`` move, and when it was taken (ns)."""
+
+    stamp: int
+    target: FollowTarget
+
+
 class ChassisState:
     """The newest message of each kind."""
 
@@ -38,6 +46,7 @@ class ChassisState:
         self.jack: Jack | None = None
         self.battery: Battery | None = None
         self.contacts: Contacts | None = None
+        self.followed: Followed | None = None
 
     def take(self, message: Message) -> bool:
         """Keep a message. False if it is none of those kept here."""

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from rackhand.schemas.fencing import FencingGuard
-from rackhand.schemas.motion import ArmCommand, ArmState, Gripper
+from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken, Following, Gripper
 from rackhand.services.sim.arm.servo import (
     HOLD,
     POSITION,
@@ -34,6 +34,9 @@ from rackhand.worlds.data import WorldFileError
 SHORTEST, LONGEST, FIRST_INTERVAL = 0.002, 0.02, 0.004
 # For so many intervals without a command a stream is taken to be late and goes on as it went; then it has ended.
 COASTS = 2
+# When positions follow a torque, the arm is ahead of where they begin by what it moved meanwhile. That difference, at
+# most this far (rad), is taken out in this time (s) instead of at once.
+TAKE_OVER, TAKE_OVER_TIME = 0.1, 0.3
 
 Mode = Literal["position", "velocity", "torque", "hold"]
 _PLANS = {"position": POSITION, "velocity": VELOCITY}
@@ -43,7 +46,7 @@ _PLANS = {"position": POSITION, "velocity": VELOCITY}
 class Order:
     """A command in force. ``velocity``: with which the stream that it belongs to passes the position, 0 of a joint that
     jumps there; ``slope``: how fast it has come there, NaN of a stream's first; ``interval``: seconds since the command
-    before it.
+    before it; ``token``: the grant it belongs to.
     """
 
     mode: Mode
@@ -52,6 +55,7 @@ class Order:
     velocity: Array
     slope: Array
     interval: float
+    token: FencingToken
 
 
 class Arm:
@@ -71,6 +75,7 @@ class Arm:
         self._suction = self._holding = False
         self._fence = FencingGuard()
         self._order: Order | None = None
+        self._offset, self._offset_since = np.zeros(self.n), 0  # added to commanded positions, and faded out from then
         self._taken: Order | None = None  # the order that the present segment follows
         self._mode: Mode = "hold"
         self.latency_ns = 0  # between a measurement and when the command that answers it takes effect
@@ -162,14 +167,27 @@ class Arm:
         """Let an admitted command take effect."""
         self._suction = command.suction
         values, before = np.array(command.values), self._order
-        if command.mode == "position":
-            values = np.clip(values, self.limits.lower, self.limits.upper)
         gap = FIRST_INTERVAL if before is None else (command.answers - before.answers) * 1e-9
         interval = min(max(gap, SHORTEST), LONGEST) if before is None or gap > 0 else before.interval
         velocity, slope = self._none, self._unknown
+        if command.mode == "position":
+            if before is not None and before.mode == "torque":
+                # Without a bump: on from where the arm is, with the velocity it has.
+                velocity = slope = np.clip(self._now.velocity, -self.limits.velocity, self.limits.velocity)
+                self._take_over(self._now.position + self._now.velocity * interval - values, command.answers)
+            values = np.clip(values + self._faded(command.answers), self.limits.lower, self.limits.upper)
         if before is not None and before.mode == command.mode == "position":
             velocity, slope = stream_velocity(values, before.values, before.slope, gap, interval, self.limits)
-        self._order = Order(command.mode, values, command.answers, velocity, slope, interval)
+        self._order = Order(command.mode, values, command.answers, velocity, slope, interval, command.token)
+
+    def _take_over(self, ahead: Array, stamp: int) -> None:
+        """Positions follow a torque; the arm is ``ahead`` (n,) [rad] of them."""
+        self._offset, self._offset_since = np.where(np.abs(ahead) <= TAKE_OVER, ahead, 0.0), stamp
+
+    def _faded(self, stamp: int) -> Array:
+        """What is left of the offset: a cubic from 1 to 0 with level ends."""
+        share = min(max((stamp - self._offset_since) * 1e-9 / TAKE_OVER_TIME, 0.0), 1.0)
+        return self._offset * (1.0 - share * share * (3.0 - 2.0 * share))
 
     def silence(self) -> None:
         """Nobody commands it any more: it brakes at once. What its gripper holds it goes on holding."""
@@ -244,7 +262,7 @@ class Arm:
 
     def state(self, stamp: int) -> ArmState:
         """``efforts`` are the motors' torques; ``wrench`` is what the tool (its weight included) does to the flange."""
-        sensed = self._data.sensordata
+        sensed, order = self._data.sensordata, self._order
         # MuJoCo's sensors measure what the flange does to the tool, and leave out the pull of an adhesion, which acts
         # along the cup's axis.
         pull = np.array([0.0, 0.0, SUCTION_FORCE if self._holding else 0.0])
@@ -255,5 +273,6 @@ class Arm:
             dq=tuple(self._now.velocity.tolist()),
             efforts=tuple(self._torque.tolist()),
             wrench=(*(force + pull).tolist(), *moment.tolist()),
+            follows=Following() if order is None else Following(token=order.token, answers=order.answers),
             gripper=None if self._pump is None else Gripper(suction=self._suction, holding=self._holding),
         )

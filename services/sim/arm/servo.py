@@ -26,6 +26,11 @@ BANDWIDTH = 100.0
 MAX_ERROR = 0.05
 
 
+# Share of a joint's torque limit that the servo uses against errors of position: what presses against the arm at rest,
+# or what the arm presses against, is pushed with no more than that. Motion, and damping it, may use the whole limit.
+FEEDBACK_SHARE = 0.35
+
+
 class JointLimits(NamedTuple):
     lower: Array
     upper: Array
@@ -160,7 +165,7 @@ def hold_to(reference: Reference, joints: Joints, limits: JointLimits, step: flo
     the acceleration wanted, and bias forces. The physics takes the joints' damping implicitly, as part of the mass.
     """
     n = len(torque)
-    wanted = np.empty(n)
+    wanted, spring, pushes = np.empty(n), np.empty(n), np.empty(n)
     reference.timing[0] += step
     for j in range(n):
         at, speed = joints.position[j], joints.velocity[j]
@@ -170,14 +175,17 @@ def hold_to(reference: Reference, joints: Joints, limits: JointLimits, step: flo
         held_back = p_next != planned
         rate_next = 0.0 if held_back else (p_next - p) / step
         acceleration = 0.0 if held_back or reference.held_back[j] else (rate_next - rate) / step
-        wanted[j] = acceleration + BANDWIDTH**2 * (p - at) + 2 * BANDWIDTH * (rate - speed)
+        wanted[j] = acceleration + 2 * BANDWIDTH * (rate - speed)
+        spring[j] = BANDWIDTH**2 * (p - at)
         reference.position[j], reference.rate[j], reference.held_back[j] = p_next, rate_next, held_back
     _times_mass(joints.mass, wanted, torque)
+    _times_mass(joints.mass, spring, pushes)
     for j in range(n):
-        implicit = step * joints.damping[j] * wanted[j]
-        torque[j] = _clip(
-            torque[j] + implicit + joints.bias[j] - joints.passive[j], -limits.torque[j], limits.torque[j]
-        )
+        most = limits.torque[j]
+        implicit = step * joints.damping[j]
+        push = pushes[j] + implicit * spring[j]
+        moves = torque[j] + implicit * wanted[j] + joints.bias[j] - joints.passive[j]
+        torque[j] = _clip(moves + _clip(push, -FEEDBACK_SHARE * most, FEEDBACK_SHARE * most), -most, most)
 
 
 @compiled

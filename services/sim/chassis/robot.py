@@ -98,7 +98,7 @@ class Robot:
     @property
     def charge_contact(self) -> bool:
         """Its contacts meet a charger's: within 2 cm and 3° of a dock pose, turned round if they are at the front."""
-        if self.profile.charge_contact == "none":
+        if self.profile.charge_contact == "none" or "no_charge_contact" in self.faults:
             return False
         x, y, yaw = self.pose
         if self.profile.charge_contact == "front":
@@ -110,7 +110,8 @@ class Robot:
 
     @property
     def charging(self) -> bool:
-        return self.charge_contact or "power_cable" in self.faults
+        docked = self.charge_contact and "no_charge_current" not in self.faults
+        return docked or "power_cable" in self.faults
 
     def admit(self, command: ChassisCommand) -> bool:
         """False if the command answers an older stamp than one that was admitted before."""

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik import Arm
 from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.motion.signal import SignalReference
@@ -47,13 +48,18 @@ def test_a_wrench_beyond_the_torque_limits_keeps_its_direction() -> None:
 
 
 def test_the_arm_brakes_before_a_velocity_or_position_limit() -> None:
-    limits, still = UR5E.limits, np.zeros(6)
-    assert not must_brake(UR5E, UR5E.home, still, 0.004)
-    assert not must_brake(UR5E, UR5E.home, 0.9 * limits.velocity, 0.004)
-    assert must_brake(UR5E, UR5E.home, 1.1 * limits.velocity, 0.004)
-    near = UR5E.home.copy()
-    near[0] = limits.upper[0] - 0.01
-    fast = np.zeros(6)
-    fast[0] = 1.0
-    assert fast[0] ** 2 / (2 * limits.acceleration[0]) > 0.01, "it cannot stop within 0.01 rad"
-    assert must_brake(UR5E, near, fast, 0.004) and not must_brake(UR5E, near, -fast, 0.004)
+    limits, still, period = UR5E.limits, np.zeros(6), 0.004
+
+    def brakes(q: Array, v: Array, gained: Array = still) -> bool:
+        return must_brake(UR5E, q, v, gained, period)
+
+    assert not brakes(UR5E.home, still)
+    assert not brakes(UR5E.home, 0.9 * limits.velocity)
+    assert brakes(UR5E.home, 1.01 * limits.velocity)
+    assert brakes(UR5E.home, 0.99 * limits.velocity, 0.01 * limits.velocity), "too fast before the stop acts"
+    near = limits.upper - 0.05
+    slow = np.sqrt(2 * 0.04 * limits.acceleration)
+    assert not brakes(near, 0.8 * slow)
+    assert brakes(near, 1.3 * slow)
+    assert brakes(near, 0.8 * slow, 0.2 * slow), "what it gains meanwhile must be braked too"
+    assert not brakes(near, -0.8 * slow), "away from the end of the range"

@@ -228,6 +228,59 @@ def test_remote_driving_is_fed_back_per_command_and_refused_in_other_modes(gatew
         assert client.ask(TWIST) == {"topic": "/error", "detail": "nobody drives"}
 
 
+FOLLOW = {"topic": "/follow_target_state", "follow_state": "follow_pose"}
+
+
+@pytest.mark.parametrize(
+    ("frame", "position", "yaw"),
+    [
+        ({"follow_state": "follow_pose", "target_pose": {"pos": [1.5, 2], "ori": 0.5}}, (1.5, 2.0), 0.5),
+        ({"follow_state": "follow_pose", "target_pose": {"pos": [1.5, 2.0]}}, (1.5, 2.0), None),
+        ({"follow_state": "follow_pose", "target_pose": {"ori": 0}}, None, 0.0),
+        ({"follow_state": "pause"}, None, None),
+        ({"follow_state": "pause", "target_pose": {"pos": [1.5, 2.0]}}, None, None),
+        ({"follow_state": "fail"}, None, None),
+    ],
+)
+def test_the_target_to_follow_goes_to_the_planner(
+    gateway: Gateway, frame: dict[str, Any], position: tuple[float, float] | None, yaw: float | None
+) -> None:
+    """A frame that was taken is not answered: the answer that comes is that to the next question."""
+    with gateway.websocket() as client:
+        client.send({"topic": "/follow_target_state"} | frame)
+        assert client.ask({"topic": "/get_device_info_brief"})["topic"] == "/device_info_brief"
+        target = gateway.bus.requests[-1]
+        assert (target.state, target.position, target.yaw) == (frame["follow_state"], position, yaw)
+
+
+@pytest.mark.parametrize(
+    ("frame", "detail"),
+    [
+        (FOLLOW, "target_pose: want pos, ori or both with follow_state 'follow_pose'"),
+        (FOLLOW | {"target_pose": {}}, "target_pose: want pos, ori or both with follow_state 'follow_pose'"),
+        (FOLLOW | {"target_pose": {"pos": [1.0]}}, "target_pose.pos: "),
+        (FOLLOW | {"target_pose": {"pos": ["a", 2]}}, "target_pose.pos.0: "),
+        (FOLLOW | {"target_pose": [1, 2]}, "target_pose: "),
+        ({"topic": "/follow_target_state"}, "follow_state: "),
+        ({"topic": "/follow_target_state", "follow_state": "stop"}, "follow_state: "),
+    ],
+)
+def test_a_malformed_target_is_answered_and_changes_nothing(
+    gateway: Gateway, frame: dict[str, Any], detail: str
+) -> None:
+    with gateway.websocket() as client:
+        answer = client.ask(frame)
+        assert (answer["topic"], answer["detail"][: len(detail)]) == ("/error", detail)
+        assert not any(getattr(request, "op", "") == "follow_target" for request in gateway.bus.requests)
+
+
+def test_a_target_that_the_planner_refuses_is_answered(gateway: Gateway) -> None:
+    gateway.bus.failure = Unavailable("no follow_target move is running")
+    with gateway.websocket() as client:
+        answer = client.ask(FOLLOW | {"target_pose": {"ori": 1.0}})
+        assert answer == {"topic": "/error", "detail": "no follow_target move is running"}
+
+
 def test_device_info_on_request(gateway: Gateway) -> None:
     gateway.publish(topics.CHASSIS_MODEL, messages.model())
     with gateway.websocket() as client:

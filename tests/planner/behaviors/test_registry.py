@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rackhand.services.planner.behaviors.registry import BEHAVIORS
 from tests.planner.behaviors import toy_turn
 from tests.planner.fakes import Cell
 
-ROW = {"follow_target": toy_turn.for_request}  # the API knows this type and the planner has no behaviour for it yet
+ROW = {"follow_target": toy_turn.for_request}  # in place of the behaviour of a type that needs no target
 
 
 def test_a_toy_move_type_runs_from_request_to_end(make_cell: Callable[..., Cell]) -> None:
-    assert "follow_target" not in BEHAVIORS
     cell = make_cell(behaviors=ROW)
     move = cell.create(type="follow_target", target_x=None, target_y=None, properties={"seconds": 1})
     cell.tick(10)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rackhand.services.sim.arm.servo import BANDWIDTH, MAX_ERROR, STREAM_SLACK, Array, JointLimits
+from rackhand.services.sim.arm.servo import BANDWIDTH, FEEDBACK_SHARE, MAX_ERROR, STREAM_SLACK, Array, JointLimits
 
 
 @dataclass(frozen=True)
@@ -128,9 +128,11 @@ class NumpyServo:
         v_next = np.where(held_back, 0.0, (p_next - p) / self.step)
         acceleration = np.where(held_back | self.held_back, 0.0, (v_next - v) / self.step)
         self.position, self.rate, self.held_back = p_next, v_next, held_back
-        wanted = acceleration + BANDWIDTH**2 * (p - q) + 2 * BANDWIDTH * (v - dq)
-        torque = mass @ wanted + self.step * damping * wanted + bias - passive
-        return np.asarray(np.clip(torque, -self.limits.torque, self.limits.torque))
+        spring, wanted = BANDWIDTH**2 * (p - q), acceleration + 2 * BANDWIDTH * (v - dq)
+        moves = mass @ wanted + self.step * damping * wanted + bias - passive
+        pushes = mass @ spring + self.step * damping * spring
+        most, share = self.limits.torque, FEEDBACK_SHARE * self.limits.torque
+        return np.asarray(np.clip(moves + np.clip(pushes, -share, share), -most, most))
 
 
 def let_torques(asked: Array, dq: Array, mass: Array, bias: Array, limits: JointLimits) -> Array:

@@ -12,7 +12,7 @@ from playwright.sync_api import Page, expect
 from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import JackRequest
-from rackhand.schemas.moves import CreateMove, MoveCreate
+from rackhand.schemas.moves import CreateMove, MoveCreate, PauseMove
 from rackhand.schemas.racks import LoadReport
 from tests.gateway import messages
 from tests.gateway.browser import browser
@@ -224,6 +224,44 @@ def test_a_held_move_says_why(chromium: Any, robot: Gateway) -> None:
     text = "the jack is moving up; the move starts when it has arrived"
     robot.publish(topics.PLANNING_STATE, messages.planning(message=text, action_type="to_unload_point"))
     expect(page.locator("#move-note")).to_have_text(text)
+
+
+def test_a_route_is_drawn_by_clicks_and_driven(chromium: Any, robot: Gateway) -> None:
+    page = opened(chromium, robot)
+    page.locator("#route").click()
+    expect(page.locator("#route-drive")).to_be_hidden()
+    for x, y in ((4.0, 4.0), (4.0, 1.0), (2.0, 3.0)):  # the second one is a rack point, which is not chosen now
+        click(page, x, y)
+    expect(page.locator("#rack-place")).to_have_value("")
+    page.locator("#route-drive").click()
+    until(page, lambda: bool(created(robot)))
+    (move,) = created(robot)
+    assert (move.type, move.detour_tolerance) == ("along_given_route", 0)
+    assert move.route_coordinates is not None
+    numbers = [float(number) for number in move.route_coordinates.split(",")]
+    assert numbers == pytest.approx([4.0, 4.0, 4.0, 1.0, 2.0, 3.0], abs=0.05)
+    expect(page.locator("#route-drive")).to_be_hidden()
+    expect(page.locator("#route")).to_have_text("Draw a route")
+
+
+def test_a_move_is_paused_and_resumed_and_the_charger_is_a_button(chromium: Any, robot: Gateway) -> None:
+    page = opened(chromium, robot)
+    expect(page.locator("#pause")).to_be_disabled()
+    page.locator("#charge-move").click()
+    until(page, lambda: bool(created(robot)))
+    assert (created(robot)[0].type, created(robot)[0].target_x) == ("charge", None)
+    robot.publish(topics.PLANNING_STATE, messages.planning(action_id=1, action_type="charge"))
+    page.locator("#pause").click()
+    until(page, lambda: paused(robot) == [True])
+    robot.publish(topics.PLANNING_STATE, messages.planning(action_id=1, paused=True, message="paused by a client"))
+    expect(page.locator("#pause")).to_have_text("Resume")
+    expect(page.locator("#move-note")).to_have_text("paused by a client")
+    page.locator("#pause").click()
+    until(page, lambda: paused(robot) == [True, False])
+
+
+def paused(robot: Gateway) -> list[bool]:
+    return [request.paused for request in robot.bus.requests if isinstance(request, PauseMove)]
 
 
 def test_buttons_are_large_enough_for_a_finger_on_a_phone(chromium: Any, robot: Gateway) -> None:

@@ -1,0 +1,45 @@
+"""Whether the driver follows this controller's commands. Pure; times are stamps of arm states."""
+
+from __future__ import annotations
+
+from rackhand.schemas.motion import ArmState
+
+PATIENCE_NS = 60_000_000  # what was sent needs its way, and a driver may lose a command
+OLDEST_NS = 250_000_000  # a driver has stopped the arm by then
+
+
+class DriverWatch:
+    """A driver that does not report what it follows (``ArmState.follows``) is trusted."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """A new epoch: the driver has not heard of it."""
+        self._since: int | None = None
+
+    def fault(self, state: ArmState, epoch: str) -> str:
+        """Why commands of ``epoch`` do not move the arm; empty while they do, or may soon."""
+        wrong = _wrong(state, epoch)
+        if not wrong:
+            self._since = None
+            return ""
+        if self._since is None or state.stamp < self._since:
+            self._since = state.stamp
+        return wrong if state.stamp - self._since > PATIENCE_NS else ""
+
+    def obeys(self, state: ArmState, epoch: str) -> bool:
+        """Whether it follows a command of ``epoch`` now."""
+        return not _wrong(state, epoch)
+
+
+def _wrong(state: ArmState, epoch: str) -> str:
+    follows = state.follows
+    if follows is None:
+        return ""
+    if follows.token is None:
+        return "the arm driver follows no command"
+    if follows.token.epoch != epoch:
+        return f"the arm driver follows another controller (epoch {follows.token.epoch}, lease {follows.token.lease})"
+    age = state.stamp - follows.answers
+    return f"the arm driver follows a command that is {age / 1e6:.0f} ms old" if age > OLDEST_NS else ""
