@@ -12,6 +12,7 @@ from rackhand.schemas.base import Message
 from rackhand.schemas.chassis import ChassisCommand, ChassisRequest, Done, Odometry
 from rackhand.schemas.maps import CreateMap, GetMap, MapReply, MapRequest, SelectMap, UseMapData
 from rackhand.schemas.moves import TERMINAL, CancelMove, CreateMove, GetMove, Move, MoveCreate, MoveRequest
+from rackhand.schemas.parameters import ParameterChanges, ParametersRequest, SetParameters
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.chassis import PERIOD_NS, Chassis
@@ -105,6 +106,11 @@ class JoinedChassis:
     def change(self, request: Any) -> Move:
         """One of the requests about moves, as to pause the running one."""
         return self.core.moves(MoveRequest(request=request)).moves[0]
+
+    def set_parameters(self, **changes: Any) -> None:
+        """Change what the chassis drives with, by the names of ``ParameterChanges``."""
+        request = SetParameters(changes=ParameterChanges(**changes))
+        self.core.parameters.answer(ParametersRequest(request=request))
 
     def finish(self, move_id: int, within: float = 240.0) -> Move:
         """Let time pass until that move has ended."""

@@ -93,13 +93,15 @@ def test_what_ends_following(driver: JoinedChassis, stage: str, end: str) -> Non
 
 
 @pytest.mark.parametrize("stage", STAGES)
-@pytest.mark.parametrize("hold", ["stop", "pause"])
+@pytest.mark.parametrize("hold", ["stop", "pause", "velocity"])
 def test_what_holds_following(driver: JoinedChassis, stage: str, hold: str) -> None:
     """Longer than silence may last: while it is held, nobody has to report."""
 
     def held(on: bool) -> None:
         if hold == "stop":
             driver.ask(SetEmergencyStop(enable=on))
+        elif hold == "velocity":  # as integrators hold a robot without cancelling its move
+            driver.set_parameters(max_forward_velocity=0.0 if on else 1.2)
         else:
             driver.change(PauseMove(paused=on))
 

@@ -96,11 +96,13 @@ def test_what_ends_a_route(driver: JoinedChassis, stage: str) -> None:
     assert driver.world.inspect().contact_count == 0
 
 
-@pytest.mark.parametrize("hold", ["stop", "pause"])
+@pytest.mark.parametrize("hold", ["stop", "pause", "velocity"])
 def test_a_route_that_is_held_in_every_stage_goes_on_in_it(driver: JoinedChassis, hold: str) -> None:
     def held(on: bool) -> None:
         if hold == "stop":
             driver.ask(SetEmergencyStop(enable=on))
+        elif hold == "velocity":  # as integrators hold a robot without cancelling its move
+            driver.set_parameters(max_forward_velocity=0.0 if on else 1.2)
         else:
             driver.change(PauseMove(paused=on))
 
