@@ -18,6 +18,7 @@ NAMES = (
     "planning",
     "planner_tick",
     "rack_jobs",
+    "carrying",
     "routes",
     "ik",
     "motion",
