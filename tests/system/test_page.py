@@ -116,7 +116,7 @@ def test_it_shows_the_robot_and_loads_nothing_from_elsewhere(cell: Cell, watched
     expect(page.locator("#battery")).to_contain_text("%")
     expect(page.locator("#health")).to_have_text("up")
     expect(page.locator("#modes .chosen")).to_have_text("auto")
-    expect(page.locator("#services li")).to_have_count(7)  # five processes, and a driver for each of two robots
+    expect(page.locator("#services li")).to_have_count(8)  # five processes; drivers of two robots, a lift
     wait_until(page, f"({WALLS_ARE_DRAWN})()")
     assert watched.errors == []
     assert watched.hosts == {urlsplit(cell.http).netloc}
