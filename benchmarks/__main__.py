@@ -10,6 +10,7 @@ from pathlib import Path
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 NAMES = (
     "align",
+    "barn",
     "bus",
     "cell",
     "first_motion",
@@ -17,6 +18,7 @@ NAMES = (
     "planning",
     "planner_tick",
     "rack_jobs",
+    "carrying",
     "routes",
     "ik",
     "motion",
@@ -34,11 +36,19 @@ def main() -> None:
     )
     parser.add_argument("names", nargs="*", help=f"which: {', '.join(NAMES)} (all if none is named)")
     parser.add_argument("--write", action="store_true", help=f"replace these sections of docs/{PAGE.name}")
+    barn = parser.add_argument_group("barn")
+    barn.add_argument("--data", type=Path, help="file of the worlds (those of the repository if none is named)")
+    barn.add_argument("--worlds", type=int, help="drive so many of them, evenly spread (all if none is named)")
+    barn.add_argument(
+        "--results", type=Path, help="file from which a run goes on (barn-results.jsonl); a plot beside it"
+    )
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - set(NAMES):
         parser.error(f"no benchmark {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
     for name in arguments.names or NAMES:
-        text = importlib.import_module(f"benchmarks.{name}").run().markdown()
+        module = importlib.import_module(f"benchmarks.{name}")
+        given = {key: value for key in ("data", "worlds", "results") if (value := getattr(arguments, key)) is not None}
+        text = (module.run(module.Options(**given)) if name == "barn" else module.run()).markdown()
         print(text, flush=True)
         if arguments.write:
             write_section(text)

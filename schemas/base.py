@@ -35,7 +35,7 @@ class Array:
     """Annotates a numpy field: ``Annotated[np.ndarray, Array("<f4", (-1, 2))]``.
 
     It travels as little-endian bytes and comes back as a read-only array. One dimension may be -1 (free). Floating
-    arrays must be finite unless ``finite=False`` (a lidar's "no return" is NaN).
+    arrays must be finite unless ``finite=False`` (a lidar has inf and NaN).
     """
 
     dtype: str

@@ -28,9 +28,10 @@ class Odometry(Message):
 
 
 class Scan(Message):
-    """A 2-D lidar scan. Ranges in metres, NaN where nothing returned; beam i points at angle_min + i·angle_step.
+    """A 2-D lidar scan; beam i points at angle_min + i·angle_step.
 
-    ``sensor`` is the lidar's pose in the chassis frame.
+    Ranges in metres: inf where nothing within ``range_max`` returned (that beam is free), NaN where the lidar has no
+    measurement (nothing is known). ``sensor`` is the lidar's pose in the chassis frame.
     """
 
     stamp: Stamp

@@ -24,7 +24,7 @@ FAULTS = {
     kind.name: kind
     for kind in (
         FaultKind("lidar_dead", "chassis", "no scans"),
-        FaultKind("lidar_blind", "chassis", "scans without a return"),
+        FaultKind("lidar_blind", "chassis", "scans without a measurement"),
         FaultKind("wheels_blocked", "chassis", "the drive turns no wheel"),
         FaultKind("power_cable", "chassis", "a charging cable is plugged in"),
         FaultKind("emergency_stop_button", "chassis", "the emergency stop button is pressed"),

@@ -112,9 +112,12 @@ class Motion:
             self.set_body(self._body)
 
     def set_map(self, data: MapData | None) -> None:
-        """Use this map (or none); raises ``MoveFailed(GET_MAP_FAILED)`` and then has none. A running move must end."""
-        self.plans.cancel()
+        """Use this map (or none). A running move must end.
+
+        Raises ``MoveFailed(GET_MAP_FAILED)``; the map before is then still in use, and a running move goes on.
+        """
         self.perception.set_map(data)
+        self.plans.cancel()
 
     def reset(self) -> None:
         """The driver restarted: nothing moves, and what was measured is void."""

@@ -11,6 +11,8 @@ from rackhand.schemas.racks import RackSpec
 
 # Shares of the limits of a chassis that a foreseen stop uses.
 FORESEEN_ACC, FORESEEN_DECEL = 0.8, 0.25
+LATERAL_SHARE, TURN_SHARE = 0.3, 0.33  # of its accelerations that a nimble chassis uses in bends and turns
+SHORTEST_LOOK = 0.4  # s
 
 
 DEFAULT_RACKS = (RackSpec(width=0.83, depth=0.83), RackSpec(width=0.9, depth=1.2, leg_size=0.04))
@@ -165,12 +167,13 @@ class NavigationSettings:
     obstacle_range: float = 8.0
     scan_timeout: float = 1.0
     scan_fail_after: float = 5.0
-    scan_min_valid_fraction: float = 0.05
+    scan_min_valid_fraction: float = 0.05  # of the beams that must be measured; one without a return is
     forget_after: float = 300.0
     forget_mover_after: float = 2.0
 
     # the global plan
     plan_margin: float = 0.035  # clearance of the footprint along a plan
+    path_margin: float = 0.0  # and of one that is driven: what the guard asks, but for jitter of cells
     ground_margin: float = 0.0  # clearance of the footprint at start and goal
     inflation_radius: float = 0.5  # beyond the inscribed circle; nearer costs more
     clearance_weight: float = 4.0
@@ -183,6 +186,7 @@ class NavigationSettings:
     min_lookahead: float = 0.3
     max_lookahead: float = 0.9
     max_lateral_acc: float = 0.6
+    turn_decel: float = 1.0  # rad/s², for turns on the spot
     approach_decel: float = 0.4  # m/s², for stops that are foreseen
     full_speed_clearance: float = 0.45
     min_clearance_velocity: float = 0.3
@@ -224,7 +228,6 @@ class NavigationSettings:
     improve_period: float = 3.0  # look for a better way this often
     improve_ratio: float = 0.8  # and take it when it is this much shorter
     stuck_after: float = 4.0
-    sealed_patience: float = 10.0  # at start, while observed obstacles block every path
     planning_timeout: float = 60.0
     move_timeout: float = 60.0
     rotate_timeout: float = 30.0
@@ -244,6 +247,7 @@ class NavigationSettings:
         """These settings with the limits and the actuation of a chassis, within ``caps``.
 
         A stop that is foreseen takes a quarter of the braking that is there, so that the rest is left for surprises.
+        What else depends on how nimble a chassis is has the value here for the default one, or more.
         """
         limits = model.limits
         control = Limits(
@@ -255,7 +259,20 @@ class NavigationSettings:
             max_angular_acc=limits.angular_acceleration,
         )
         approach = min(FORESEEN_ACC * limits.acceleration, FORESEEN_DECEL * limits.deceleration)
-        return replace(self, control=control, own=control, actuation=model.actuation, approach_decel=approach)
+        # Followed closely by chassis that turn fast: they look ahead for as long as a turning rate takes to build up.
+        build_up = min(max(control.max_angular_velocity / control.max_angular_acc, SHORTEST_LOOK), self.lookahead_time)
+        return replace(
+            self,
+            control=control,
+            own=control,
+            actuation=model.actuation,
+            approach_decel=approach,
+            lookahead_time=build_up,
+            max_lookahead=self.max_lookahead * (0.4 + 0.6 * build_up / self.lookahead_time),
+            max_lateral_acc=max(self.max_lateral_acc, LATERAL_SHARE * limits.acceleration),
+            turn_decel=max(self.turn_decel, TURN_SHARE * limits.angular_acceleration),
+            min_clearance_velocity=self.min_clearance_velocity * max(1.0, math.sqrt(0.5 * limits.deceleration)),
+        )
 
     def commanding(self, control: Limits) -> NavigationSettings:
         """These settings of a chassis with at most ``control`` commanded; it brakes for obstacles as hard as ever."""

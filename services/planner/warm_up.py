@@ -72,7 +72,7 @@ def _give_way(settings: NavigationSettings) -> None:
     room.turn_clearance(footprint, here, 1.0)
     least_gap(here, plan.segments[0].points, 0.5, movers, footprint.edges, settings.yield_horizon)
     Mppi(settings).command(
-        here, STANDSTILL, STANDSTILL, room, CostField(plan.cost, static.geometry), goal, movers, footprint,
+        here, STANDSTILL, STANDSTILL, room, CostField(plan.cost, plan.geometry), goal, movers, footprint,
         settings.control.max_forward_velocity,
     )  # fmt: skip
 

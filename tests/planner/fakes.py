@@ -98,7 +98,7 @@ class SpyMotion(Motion):
     def set_map(self, data: MapData | None) -> None:
         if self.maps:
             error, *rest = self.maps
-            self.map, self.maps = None, tuple(rest)
+            self.maps = tuple(rest)
             raise error
         super().set_map(data)
         self.map = data

@@ -113,7 +113,7 @@ class Hall:
 
 @njit(cache=True)
 def _cast(x: float, y: float, yaw: float, segments: Array, discs: Array, n: int, reach: float) -> Array:
-    ranges = np.full(n, np.nan)
+    ranges = np.full(n, np.inf)
     for k in range(n):
         angle = yaw - math.pi + k * 2 * math.pi / n
         dx, dy = math.cos(angle), math.sin(angle)

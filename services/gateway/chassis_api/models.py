@@ -23,7 +23,7 @@ class Body(BaseModel):
     model_config = ConfigDict(strict=True, extra="ignore", allow_inf_nan=False, frozen=True)
 
 
-_NULLABLE = ("charge_retry_count", "properties")
+_NULLABLE = ("charge_retry_count", "creator", "properties", "type")
 _MOVES = [
     {"creator": "docs", "type": "standard", "target_x": 4.0, "target_y": 2.5, "target_ori": 1.57},
     {"creator": "docs", "type": "standard", "target_ori": 0.0, "properties": {"inplace_rotate": True}},

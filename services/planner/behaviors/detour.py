@@ -8,19 +8,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rackhand.runtime.compiled import compiled
 from rackhand.schemas.base import NANOSECONDS, Twist2
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.behaviors.base import Context
 from rackhand.services.planner.control import driving
 from rackhand.services.planner.control.given_line import GivenLine, must_wait
 from rackhand.services.planner.control.goal_checker import is_still
-from rackhand.services.planner.control.route import OVERLAP, Route
+from rackhand.services.planner.control.route import Route
+from rackhand.services.planner.control.route_check import OVERLAP
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.corridor import Corridor
-from rackhand.services.planner.planning.distance_grid import DistanceGrid, clearance
 from rackhand.services.planner.planning.plan import SPACING, Target
 from rackhand.services.planner.planning.worker import PlanRequest
 from rackhand.services.planner.settings import NavigationSettings
@@ -112,7 +112,7 @@ class Detour:
         if ctx.plans.pending is not None or not due:
             return
         self._requested_at = ctx.stamp
-        clear = behind(line.rows, blocked, ctx.costmap.near, ctx.costmap.mapped, ctx.footprint)
+        clear = behind(line.rows, blocked, ctx.costmap, ctx.footprint)
         if clear < 0:
             return
         ahead = REJOIN[self._attempts % len(REJOIN)]
@@ -184,22 +184,22 @@ def closely(s: NavigationSettings) -> NavigationSettings:
     return replace(s, control=control, max_lookahead=s.min_lookahead)
 
 
-@compiled
-def behind(rows: Array, blocked: int, near: DistanceGrid, mapped: DistanceGrid, footprint: Footprint) -> int:
+def behind(rows: Array, blocked: int, costmap: LocalCostmap, footprint: Footprint) -> int:
     """The first of the rows x, y, yaw from ``blocked`` on from which the line is free for ``CLEAR_RUN`` (or to its
-    end); -1 for none within ``LONGEST_OBSTACLE``. ``near`` has the obstacles around the chassis, ``mapped`` the map's.
+    end); -1 for none within ``LONGEST_OBSTACLE``. Beyond what is near the chassis only the map's obstacles are known.
     """
+    near, margin = costmap.near, costmap.settings.path_margin
     run = round(CLEAR_RUN / SPACING)
     edge = footprint.circumscribed + 2.0 * near.geometry.resolution
     free_rows = 0
     last = min(blocked + round(LONGEST_OBSTACLE / SPACING), len(rows) - 1)
     for k in range(blocked, last + 1):
-        x, y, yaw = rows[k]
+        x, y, _ = rows[k]
         g = near.geometry
         right, top = g.x + g.columns * g.resolution - edge, g.y + g.rows * g.resolution - edge
         inside = g.x + edge < x < right and g.y + edge < y < top
-        grid = near if inside else mapped
-        if clearance(grid, footprint, x, y, yaw, 0.0) < -OVERLAP * grid.geometry.resolution:
+        grid, need = (near, margin) if inside else (costmap.mapped, -OVERLAP * near.geometry.resolution)
+        if grid.clearance(footprint, rows[k], margin) < need:
             free_rows = 0
             continue
         free_rows += 1

@@ -15,11 +15,11 @@ Why such a move fails, and when:
                                 other goal where the chassis is already succeeds at once
   9  calculation_failed         on map and overlays the inscribed circle has no path from start to goal
  10  calculation_timeout        a search expanded ``max_expansions`` cells or states without an answer
- 11  no_global_path             on map and overlays the circle has a path, the footprint none; or the footprint has one
-                                but observed obstacles block it for longer than ``sealed_patience``
- 14  planning_timeout           later: there has been no path for ``planning_timeout``
+ 11  no_global_path             on map and overlays the circle has a path, the footprint none
+ 14  planning_timeout           observed obstacles have blocked every path for ``planning_timeout``
  15  move_timeout               there is a path, but no progress on it for ``move_timeout``: an obstacle blocks it, or
-                                the chassis does not follow velocity commands
+                                the chassis does not follow velocity commands; or the move goes to and fro for longer
+                                than its path takes at 0.1 m/s
  18  rotate_timeout             a turn to the goal's heading comes no nearer to it for ``rotate_timeout``
 ==== ========================== =======================================================================================
 
@@ -37,13 +37,16 @@ from rackhand.services.planner.behaviors.base import Context, Done, Drive, Statu
 from rackhand.services.planner.behaviors.plan_keeper import PlanKeeper, ahead_of
 from rackhand.services.planner.control import driving
 from rackhand.services.planner.control.goal_checker import GoalChecker, is_still
+from rackhand.services.planner.control.mppi import CostField
 from rackhand.services.planner.control.progress_checker import Phase, ProgressWatch
+from rackhand.services.planner.control.recovery import Recovery
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
-from rackhand.services.planner.planning.goals import Goal, check_goal, check_start
+from rackhand.services.planner.planning.goals import Goal, check_goal, check_start, zone_target
+from rackhand.services.planner.planning.plan import NOWHERE
 
-NO_FIELD = np.empty((0, 0), dtype=np.float32)
+NO_FIELD = CostField(np.empty((0, 0), dtype=np.float32), NOWHERE)
 
 
 def goal_of(request: MoveCreate) -> Goal:
@@ -64,6 +67,7 @@ class DriveToPose:
     _checker: GoalChecker
     _keeper: PlanKeeper
     _progress: ProgressWatch
+    _recovery: Recovery
 
     def __init__(self, goal: Goal) -> None:
         self._goal = goal
@@ -76,6 +80,7 @@ class DriveToPose:
         self._check(ctx)
         self._keeper = PlanKeeper(self._checker.target)
         self._progress = ProgressWatch(ctx.settings, ctx.stamp)
+        self._recovery = Recovery()
         self._begun = True
         ctx.avoidance.begin()
         if self._checker.is_there(ctx.pose):
@@ -88,7 +93,7 @@ class DriveToPose:
     def _check(self, ctx: Context) -> None:
         goal, target = self._goal, self._checker.target
         check_start(ctx.costmap, ctx.footprint, ctx.pose)
-        if not self._checker.turn_only:
+        if not self._checker.turn_only and not self._is_zone_with_room(ctx):
             check_goal(ctx.costmap, ctx.footprint, target, ctx.settings)
         if goal.rotate_in_place and goal.yaw is None and self._checker.is_there(ctx.pose):
             raise MoveFailed(
@@ -96,6 +101,17 @@ class DriveToPose:
                 f"inplace_rotate without target_ori, and the chassis is already within {goal.accuracy} m of the goal "
                 f"({target.x:.3f}, {target.y:.3f}): no rotation to make",
             )
+
+    def _is_zone_with_room(self, ctx: Context) -> bool:
+        zone = self._goal.zone and not self._checker.turn_only
+        return zone and zone_target(ctx.costmap, ctx.footprint, self._goal, ctx.pose) is not None
+
+    def _aim(self, ctx: Context) -> None:
+        """In a zone whose middle is occupied: at a free place in it."""
+        if self._goal.zone and (self._keeper.route is None or self._keeper.is_blocked):
+            target = zone_target(ctx.costmap, ctx.footprint, self._goal, ctx.pose)
+            if target is not None:
+                self._keeper.aim(target)
 
     def _target_pose(self) -> Pose2:
         target = self._checker.target
@@ -119,6 +135,7 @@ class DriveToPose:
         if not self._begun:
             return
         self._progress.restart(ctx.stamp)
+        self._recovery.restart()
         if self._stage in ("planning", "driving"):
             self._keeper.resume(ctx)
 
@@ -126,6 +143,7 @@ class DriveToPose:
         return self._status
 
     def _keep_route(self, ctx: Context) -> None:
+        self._aim(ctx)
         stuck = self._progress.standing(ctx.stamp) > ctx.settings.stuck_after
         if self._keeper.update(ctx, stuck):
             self._progress.renew()
@@ -142,6 +160,15 @@ class DriveToPose:
         return STANDSTILL
 
     def _drive(self, ctx: Context, route: Route) -> Twist2:
+        self._recovery.watch(ctx.stamp, ctx.twist, ctx.vetoed)
+        if self._recovery.is_held(ctx.stamp) and self._checker.has_position(ctx.pose):
+            self._recovery.restart()
+            self._arrive(ctx)  # as near as it gets, and near enough
+            return STANDSTILL
+        if self._recovery.runs or (
+            self._recovery.is_held(ctx.stamp) and self._recovery.begin(ctx.stamp, ctx.pose, ctx.costmap, ctx.footprint)
+        ):
+            return self._recover(ctx)
         stop_within = self._checker.stop_within if route.is_last else driving.SEGMENT_END
         if not driving.has_ended(route, ctx.pose, stop_within):
             return driving.follow(
@@ -155,6 +182,13 @@ class DriveToPose:
             return STANDSTILL
         self._arrive(ctx)
         return self._rotate(ctx) if self._stage == "rotating" else STANDSTILL
+
+    def _recover(self, ctx: Context) -> Twist2:
+        wanted = self._recovery.command(ctx.stamp, ctx.pose, ctx.vetoed)
+        if wanted is None:
+            self._keeper.discard(ctx, tight=True)
+            return STANDSTILL
+        return wanted
 
     def _rotate(self, ctx: Context) -> Twist2:
         if self._checker.was_pushed_aside(ctx.pose):
@@ -191,7 +225,7 @@ class DriveToPose:
 
     def _give_way(self, ctx: Context) -> Twist2:
         route = self._keeper.route
-        cost = NO_FIELD if route is None else route.plan.cost
+        cost = NO_FIELD if route is None else CostField(route.plan.cost, route.plan.geometry)
         goal = self._checker.as_pose(ctx.pose)
         return ctx.avoidance.command(ctx.predicted, ctx.twist, ctx.commanded, ctx.costmap, cost, goal, ctx.footprint)
 

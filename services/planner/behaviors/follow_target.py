@@ -199,7 +199,9 @@ class FollowTarget:
         since = (ctx.stamp - self._requested_at) / NANOSECONDS
         if ctx.plans.pending is not None or since < ctx.settings.follow_replan_period:
             return
-        place = place_to_drive_to(target, ctx.costmap.mapped, ctx.footprint, ctx.settings.plan_margin)
+        place = place_to_drive_to(
+            target, ctx.costmap.mapped.grid_at(*target.tolist()), ctx.footprint, ctx.settings.plan_margin
+        )
         if place is None:
             self._no_path = "no place near the target is free on the map"
             return

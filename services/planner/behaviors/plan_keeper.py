@@ -18,6 +18,7 @@ from rackhand.services.planner.planning.worker import PlanRequest
 SAME_OBSTACLE = 0.5  # m between what blocks the route and what moved lately, to take them for the same
 PUSHED = 0.1  # m off the route after a hold, from which on it is replanned
 WORTH_IMPROVING = 1.5  # m of route left, below which no better one is looked for
+PLAN_ON = 20.0  # m of planned route left, before a rough guide, from which on the next part is planned
 _REASONS = {
     "disconnected": MoveFailReason.CALCULATION_FAILED,
     "footprint": MoveFailReason.NO_GLOBAL_PATH,
@@ -56,10 +57,14 @@ class PlanKeeper:
         self._requested_at, self._better_than = ctx.stamp, better_than
         ctx.request_plan(PlanRequest(ctx.pose.copy(), self._target, static_only, tight))
 
-    def discard(self, ctx: Context) -> None:
-        """The route's end was not the goal: replan, and stop until then."""
-        self.route = None
-        self.request(ctx)
+    def aim(self, target: Target) -> None:
+        """Plan to another place from the next request on."""
+        self._target = target
+
+    def discard(self, ctx: Context, *, tight: bool = False) -> None:
+        """The route's end was not the goal, or it cannot be driven: replan, and stop until then."""
+        self.route, self.free, self._blocked_since = None, math.inf, None
+        self.request(ctx, tight=tight)
 
     def resume(self, ctx: Context) -> None:
         """After a hold: what blocked before counts from now, and a chassis that was pushed off its route gets one from
@@ -80,6 +85,8 @@ class PlanKeeper:
             self._watch(ctx, self.route)
         if ctx.plans.pending is None:
             self._request_if_needed(ctx, stuck)
+        if self.route is not None and not self.is_blocked and not stuck:
+            self._no_path_since = None  # it is driven along: what was looked for is another one
         self._check_patience(ctx)
         return taken
 
@@ -118,7 +125,9 @@ class PlanKeeper:
         route.current.update(ctx.pose)
         self.free, self._blocked_at = route.free_distance(ctx.costmap, ctx.footprint, ctx.settings.path_check_distance)
         if math.isinf(self.free):
-            self._blocked_since = self._no_path_since = None
+            if self._blocked_since is not None:
+                self._no_path_since = None  # it is free again: no other path is needed
+            self._blocked_since = None
         elif self._blocked_since is None:
             self._blocked_since = ctx.stamp
 
@@ -132,7 +141,8 @@ class PlanKeeper:
         left = self.route.left(ctx.pose)
         must_go_round = self._must_go_round(ctx)
         lost = self.route.current.deviation > s.off_path_distance
-        if (must_go_round or lost) and since >= s.replan_period:
+        unplanned = self.route.planned(ctx.pose) < PLAN_ON and since >= s.improve_period
+        if unplanned or ((must_go_round or lost) and since >= s.replan_period):
             self.request(ctx)
         elif stuck and not must_go_round and since >= s.improve_period:
             self.request(ctx, tight=True)
@@ -151,11 +161,11 @@ class PlanKeeper:
         if self._no_path_since is None:
             return
         waited = (ctx.stamp - self._no_path_since) / NANOSECONDS
-        if not self.plans and waited > ctx.settings.sealed_patience:
-            text = f"observed obstacles block every path, for {waited:.0f} s ({self._no_path})"
-            raise MoveFailed(MoveFailReason.NO_GLOBAL_PATH, text)
         if waited > ctx.settings.planning_timeout:
-            raise MoveFailed(MoveFailReason.PLANNING_TIMEOUT, f"no path found for {waited:.0f} s ({self._no_path})")
+            raise MoveFailed(
+                MoveFailReason.PLANNING_TIMEOUT,
+                f"no path found for {waited:.0f} s, observed obstacles block every one ({self._no_path})",
+            )
 
 
 def _begins_here(route: Route, ctx: Context) -> bool:

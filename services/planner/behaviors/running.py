@@ -9,7 +9,7 @@ from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Dr
 from rackhand.services.planner.behaviors.registry import Registry, behavior_for
 from rackhand.services.planner.behaviors.undock import Undock, undocking
 from rackhand.services.planner.errors import MoveFailed
-from rackhand.services.planner.geometry.se2 import STANDSTILL
+from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
 
 PATIENCE_NS = 10 * NANOSECONDS
 
@@ -18,7 +18,9 @@ class RunningMove:
     """``check`` and then either ``hold`` or ``step``, once a tick. All raise ``MoveFailed``."""
 
     def __init__(self, request: MoveCreate, registry: Registry, patience_ns: int = PATIENCE_NS) -> None:
-        self._request = request
+        # As an angle: far out, the numbers of a float lie further apart than a turn.
+        yaw = request.target_ori
+        self._request = request if yaw is None else request.model_copy(update={"target_ori": wrap(yaw)})
         self._registry = registry
         self._patience_ns = patience_ns
         self._behavior: Behavior | None = None

@@ -69,7 +69,7 @@ def turn(pose: Pose, error: float, costmap: LocalCostmap, footprint: Footprint, 
         other = error - math.copysign(2.0 * math.pi, error)
         if costmap.near.turn_clearance(footprint, pose, other) >= 0.0:
             error = other
-    return Twist2(linear=0.0, angular=turn_rate(error, s.control.max_angular_velocity))
+    return Twist2(linear=0.0, angular=turn_rate(error, s.control.max_angular_velocity, s.turn_decel))
 
 
 def has_ended(route: Route, pose: Pose, stop_within: float) -> bool:

@@ -13,7 +13,6 @@ from rackhand.services.planner.control.mppi import CostField, Mppi
 from rackhand.services.planner.geometry.footprint import Footprint, distance_to_body
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
-from rackhand.services.planner.planning.field import Field
 from rackhand.services.planner.settings import Limits, NavigationSettings
 
 Array = NDArray[np.float64]
@@ -59,13 +58,13 @@ class DynamicAvoidance:
         measured: Twist2,
         last: Twist2,
         costmap: LocalCostmap,
-        cost: Field,
+        field: CostField,
         goal: Pose,
         footprint: Footprint,
     ) -> Twist2:
-        """The twist to command; arguments as of ``Mppi.command``, ``cost`` over the cells of the map."""
+        """The twist to command; arguments as of ``Mppi.command``."""
         return self._mppi.command(
-            pose, measured, last, costmap.near, CostField(cost, costmap.static.geometry), goal, costmap.movers.rows(),
+            pose, measured, last, costmap.near, field, goal, costmap.movers.rows(),
             footprint, costmap.speed_limit(pose),
         )  # fmt: skip
 

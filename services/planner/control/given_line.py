@@ -9,7 +9,7 @@ from rackhand.schemas.base import Twist2
 from rackhand.services.planner.control import driving
 from rackhand.services.planner.control.dynamic_avoidance import least_gap
 from rackhand.services.planner.control.line_tracking import LineTracker
-from rackhand.services.planner.control.route import first_blocked
+from rackhand.services.planner.control.route import free_ahead
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
@@ -78,8 +78,8 @@ class GivenLine:
     def free_distance(self, costmap: LocalCostmap, footprint: Footprint, reach: float) -> tuple[float, int]:
         """Metres of line ahead along which the footprint is free (infinite if all of ``reach`` is), and the index of
         ``rows`` at which it is not."""
-        free, index = first_blocked(costmap.near, footprint, self.ahead(), reach)
-        return float(free), self.row + int(index)
+        free, index = free_ahead(costmap, footprint, self.ahead(), reach)
+        return free, self.row + index
 
 
 def must_wait(pose: Pose, twist: Twist2, ahead: Array, movers: Array, footprint: Footprint) -> bool:

@@ -12,6 +12,8 @@ from rackhand.services.planner.settings import NavigationSettings
 
 Phase = Literal["planning", "driving", "rotating", "done"]
 GAIN = 0.05  # m or rad that count as progress
+CRAWL = 0.1  # m/s; a move slower than this on average does not arrive, whatever it gains now and then
+CRAWL_SHARE = 0.2  # of the speed limit, for chassis that may hardly move
 
 
 class ProgressWatch:
@@ -20,18 +22,21 @@ class ProgressWatch:
     def __init__(self, settings: NavigationSettings, stamp: int) -> None:
         self._settings = settings
         self._best = float("inf")
-        self._since = stamp
+        self._since = self._begun = stamp
+        self._longest = 0.0
         self._what = ""
 
     def update(self, stamp: int, what: str, left: float) -> None:
         """``left`` of ``what``, a name; another name starts a new measure, but only progress resets the time."""
+        self._longest = max(self._longest, left)
         if what != self._what:
             self._what, self._best = what, left
         elif left < self._best - GAIN:
             self._best, self._since = left, stamp
 
     def restart(self, stamp: int) -> None:
-        self._since = stamp
+        """After a hold: the time it took does not count."""
+        self._since = self._begun = stamp
 
     def renew(self) -> None:
         """The path was replaced: measure it from its own length."""
@@ -51,5 +56,16 @@ class ProgressWatch:
         standing = self.standing(stamp)
         if phase == "rotating" and standing > self._settings.rotate_timeout:
             raise MoveFailed(MoveFailReason.ROTATE_TIMEOUT, f"no progress of the turn for {standing:.0f} s: {text}")
+        taken = (stamp - self._begun) / NANOSECONDS
+        if phase in ("driving", "planning") and taken > self._longest_duration():
+            what = f"not arrived after {taken:.0f} s, with at most {self._longest:.1f} m of path left at any time"
+            raise MoveFailed(MoveFailReason.MOVE_TIMEOUT, f"{what}: {text}")
         if phase == "driving" and standing > self._settings.move_timeout:
             raise MoveFailed(MoveFailReason.MOVE_TIMEOUT, f"path exists, no progress for {standing:.0f} s: {text}")
+
+    def _longest_duration(self) -> float:
+        """Seconds after which a move counts as going to and fro: to lose ground and make it good again is progress to
+        ``update``."""
+        s = self._settings
+        crawl = max(min(CRAWL, CRAWL_SHARE * s.control.max_forward_velocity), 1e-3)
+        return max(s.move_timeout, s.planning_timeout) + s.move_timeout + self._longest / crawl

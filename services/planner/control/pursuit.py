@@ -105,17 +105,20 @@ def curvature(tracker: Tracker, pose: Pose, speed: float, s: NavigationSettings,
     return 2.0 * math.sin(error) / distance, error
 
 
-def turn_rate(error: float, limit: float) -> float:
-    """Rate of a turn on the spot that ends at rest: proportional near, braking parabola far."""
-    rate = min(limit, math.sqrt(2.0 * TURN_DECEL * abs(error)), TURN_GAIN * abs(error))
+def turn_rate(error: float, limit: float, decel: float = TURN_DECEL) -> float:
+    """Rate of a turn on the spot that ends at rest: proportional near, braking parabola far (``decel`` in rad/s²)."""
+    rate = min(limit, math.sqrt(2.0 * decel * abs(error)), TURN_GAIN * abs(error))
     return math.copysign(max(rate, SLOWEST_TURN), error)
 
 
 def approach_speed(left: float, decel: float, lag: float) -> float:
-    """Speed from which a stop after ``left`` metres is smooth; creeps at the very end."""
+    """Speed from which a stop after ``left`` metres is smooth; creeps at the very end.
+
+    The chassis goes on for ``lag`` s before it brakes: v·lag + v²/2·decel = left.
+    """
     left = max(left, 0.0)
-    speed = min(math.sqrt(2.0 * decel * left), APPROACH_GAIN * left)
-    return max(speed - decel * lag, CREEP)
+    speed = math.sqrt((decel * lag) ** 2 + 2.0 * decel * left) - decel * lag
+    return max(min(speed, APPROACH_GAIN * left), CREEP)
 
 
 def regulated_speed(kappa: float, free: float, limit: float, s: NavigationSettings) -> float:

@@ -5,11 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 
-import numpy as np
-
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.control.given_line import GivenLine
-from rackhand.services.planner.control.route import first_blocked
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
@@ -17,6 +14,8 @@ from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.goals import check_goal
 from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
+
+OVERLAP = 0.2  # of a cell, by which the footprint may overlap a mapped one on the line
 
 
 def check_start_of_route(line: GivenLine, pose: Pose, s: NavigationSettings) -> None:
@@ -45,8 +44,9 @@ def check_line(line: GivenLine, costmap: LocalCostmap, footprint: Footprint) -> 
     """Raises 9 where the footprint overlaps non-traversable cells on the line, or cannot turn at a point of it."""
     for tracker in line.trackers:
         rows = tracker.leg.rows
-        free, index = first_blocked(costmap.mapped, footprint, rows, np.inf)
-        if math.isfinite(free):
+        overlap = -OVERLAP * costmap.static.geometry.resolution
+        index = next((k for k, row in enumerate(rows) if costmap.mapped.clearance(footprint, row, 0.0) < overlap), None)
+        if index is not None:
             x, y, _ = rows[index]
             raise MoveFailed(
                 MoveFailReason.CALCULATION_FAILED,

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from rackhand.services.planner.geometry.polygon import inside_convex
 
+FAR_CELL = 2.0**40  # beyond any grid, and small enough for whole numbers everywhere
+
 
 class Geometry(NamedTuple):
     """Lower-left corner ``x``, ``y`` and cell size ``resolution`` in metres; size in cells.
@@ -24,8 +26,8 @@ class Geometry(NamedTuple):
     columns: int
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
-        """The row and column of the cell that holds a point; may lie outside the grid."""
-        return math.floor((y - self.y) / self.resolution), math.floor((x - self.x) / self.resolution)
+        """The row and column of the cell that holds a point; may lie outside the grid, at most ``FAR_CELL`` away."""
+        return _index((y - self.y) / self.resolution), _index((x - self.x) / self.resolution)
 
     def contains(self, x: float, y: float) -> bool:
         row, column = self.cell(x, y)
@@ -64,3 +66,7 @@ def _window(
     )
     x, y = g.x + (columns.ravel() + 0.5) * g.resolution, g.y + (rows.ravel() + 0.5) * g.resolution
     return (rows * g.columns + columns).ravel(), np.column_stack([x, y])
+
+
+def _index(cells: float) -> int:
+    return math.floor(min(max(cells, -FAR_CELL), FAR_CELL))

@@ -11,7 +11,8 @@ from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.map.overlays import OverlayError, parse_overlays
 from rackhand.services.planner.plain_json import json_error
 
-MAX_PIXELS = 50_000_000
+MAX_PIXELS = 110_000_000  # 500 x 500 m at 5 cm, and some
+Image.MAX_IMAGE_PIXELS = None  # Pillow warns of large ones; here they are refused before they are decoded
 RESOLUTION_RANGE = (0.001, 1.0)  # metres a cell
 
 

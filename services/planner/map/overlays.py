@@ -133,7 +133,9 @@ def inside(rings: Sequence[Points], x: NDArray[np.floating], y: NDArray[np.float
             if y0 == y1:
                 continue
             crosses = (y0 > y) != (y1 > y)
-            result[crosses] ^= x[None, :] < (x0 + (y[crosses, None] - y0) * (x1 - x0) / (y1 - y0))
+            # Halves and shares, so that no finite coordinate overflows.
+            share = (0.5 * y[crosses, None] - 0.5 * y0) / (0.5 * y1 - 0.5 * y0)
+            result[crosses] ^= x[None, :] < x0 * (1.0 - share) + x1 * share
     return result
 
 

@@ -27,7 +27,7 @@ class MapUser(Protocol):
     """What drives by the map in use."""
 
     def set_map(self, data: MapData | None) -> None:
-        """Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that cannot be read."""
+        """Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that cannot be read; the one before is then still in use."""
 
 
 class MapService:
@@ -95,7 +95,6 @@ class MapService:
         try:
             self._user.set_map(data)
         except MoveFailed as failed:
-            self.load()
             raise RequestRefused(RefusalCode.INVALID, f"the map is not usable for navigation: {failed.text}") from None
         self._store.use(data)
         self.trouble = None

@@ -1,7 +1,8 @@
 """Things that move: clusters of unmapped hits followed from scan to scan by an alpha-beta filter.
 
 The middle of what is visible of a standing thing wanders too, when it is passed. So what counts as moving must also
-have come to where nothing was a moment ago, or have left free where it was.
+have come to where nothing was a moment ago, or have left free where it was; and what lies beside hits that have been in
+one place for a while is an edge of something that stands there.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ MOVING_SPEED = 0.35  # m/s
 MOVING_WINDOW = 7  # scans (0.5 s) over which a mover must really have got away
 MOVING_DISTANCE = 0.2
 FRESH_SHARE = 0.3  # of a mover's hits that lie where nothing was
+STEADY_SHARE = 0.4  # of the hits of what does not move that lie beside what has been there for a while
 WITNESSES, MOST_WITNESSES = 2, 4  # scans that must bear it out, of those that count
 MEMORY = 10.0  # s; what moved so recently may move again
 
@@ -91,7 +93,9 @@ class DynamicObstacleTracker:
             track = self._continue(points[members], sensor, dt)
             came = float(observed.fresh[members].mean()) >= FRESH_SHARE
             left = len(track.trail) == MOVING_WINDOW and observed.is_seen_free(track.trail[0])
-            track.witnesses = min(max(track.witnesses + (1 if came or left else -1), 0), MOST_WITNESSES)
+            stays = float(observed.steady[members].mean()) >= STEADY_SHARE
+            bears_out = (came or left) and not stays
+            track.witnesses = min(max(track.witnesses + (1 if bears_out else -1), 0), MOST_WITNESSES)
             if track.moving:
                 velocities[members] = track.velocity
                 track.moved_at = stamp

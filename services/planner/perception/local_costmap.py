@@ -24,6 +24,7 @@ from rackhand.services.planner.perception.observed import ObservedObstacles
 from rackhand.services.planner.perception.rack_points import RackPoints
 from rackhand.services.planner.perception.racks import KnownRack, RackTracker, RackView
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
+from rackhand.services.planner.planning.tiles import TiledClearance
 from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
@@ -32,7 +33,12 @@ MOVER_SHADOW = 0.25  # m around a moving obstacle in which its hits may lie
 
 
 class LocalCostmap:
-    """Keeps map and observation together; ``look`` at each new scan, ``refresh`` before asking about clearances."""
+    """Keeps map and observation together; ``look`` at each new scan, ``refresh`` before asking about clearances.
+
+    ``mapped``: clearances on the map alone. ``near``: on map and observation, around the last ``refresh``.
+    """
+
+    near: DistanceGrid
 
     def __init__(self, static: StaticMap, settings: NavigationSettings) -> None:
         self.static = static
@@ -41,15 +47,16 @@ class LocalCostmap:
         self.racks = RackTracker(static.geometry, settings)
         self.rack_points = RackPoints(static, settings)
         self._velocities: Array = np.empty((0, 2))
-        self._settings = settings
+        self._settings = self.settings = settings
         self._cells: Array = np.empty((0, 2))
         self._standing: Mask = static.blocked
         self._corner = (0, 0)
         self._outlines: list[KnownRack] = []
         self._masks: tuple[Array, ...] = ()
         self._unplanned: tuple[Array, ...] = ()
-        self.mapped = DistanceGrid.of(static.blocked, static.geometry)
-        self.near = self.mapped
+        self.mapped = TiledClearance(static.blocked, static.geometry)
+        g = static.geometry
+        self.refresh(np.array([*g.centre(g.rows // 2, g.columns // 2), 0.0]))
 
     def look(
         self,
@@ -199,6 +206,6 @@ def _span(middle: int, reach: int, size: int) -> tuple[int, int]:
 
 
 def is_usable(scan: Scan, min_valid_fraction: float) -> bool:
-    """Whether enough beams returned something: a lidar that sees nothing at all is blind, not free."""
+    """Whether enough beams were measured. A beam without a return (inf) is a measurement: it is free."""
     ranges = scan.ranges
-    return bool(ranges.size) and float(np.mean((ranges > 0.0) & np.isfinite(ranges))) >= min_valid_fraction
+    return bool(ranges.size) and float(np.mean(ranges > 0.0)) >= min_valid_fraction  # False for NaN

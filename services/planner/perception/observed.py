@@ -15,7 +15,7 @@ from rackhand.services.planner.geometry.footprint import distance_to_body
 from rackhand.services.planner.geometry.se2 import Pose, compose
 from rackhand.services.planner.geometry.se2 import pose as as_pose
 from rackhand.services.planner.map.grid import Mask, StaticMap
-from rackhand.services.planner.planning.field import distance_field
+from rackhand.services.planner.planning.field import near_blocked
 from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
@@ -25,6 +25,7 @@ FRESH, LATELY = 8, 60  # scans since the first hit of a cell, and since it was s
 SCAN_PERIOD = 0.08  # s; ages are counted in scans
 TILE = 32  # cells to each side
 RAY_STEP = 0.7  # of a cell between the points of a ray that are looked at
+WRITTEN_CELLS = 4_000_000
 WHOLE = (slice(None), slice(None))
 
 Flags = NDArray[np.bool_]
@@ -49,10 +50,15 @@ class Evidence(NamedTuple):
     @staticmethod
     def of(static: StaticMap, match_distance: float) -> Evidence:
         shape = static.blocked.shape
-        mapped = distance_field(static.occupied, static.geometry.resolution) <= match_distance
-        # Written, not np.zeros: memory that is touched first in a tick costs the tick its page faults.
-        counts = [np.full(shape, 0, dtype=np.int32) for _ in range(4)]
-        return Evidence(static.geometry, mapped, np.full(shape, 0, dtype=np.int8), *counts)
+        mapped = near_blocked(static.occupied, match_distance / static.geometry.resolution)
+        # Written, not np.zeros: memory that is touched first in a tick costs the tick its page faults. Of a large map
+        # most is never seen, and is never given any memory.
+        level, counts = np.zeros(shape, dtype=np.int8), [np.zeros(shape, dtype=np.int32) for _ in range(4)]
+        if level.size <= WRITTEN_CELLS:
+            level.fill(0)
+            for array in counts:
+                array.fill(0)
+        return Evidence(static.geometry, mapped, level, *counts)
 
 
 class Beams(NamedTuple):
@@ -68,12 +74,13 @@ class Beams(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """Hits of a scan in the map frame (n, 2); whether each is missing on the map (n,), and whether it is where nothing
-    was seen a moment ago (n,)."""
+    """Hits of a scan in the map frame (n, 2); whether each is missing on the map (n,), whether it is where nothing was
+    seen a moment ago (n,), and whether it is beside what has been in one place for a while (n,)."""
 
     points: Array
     unmapped: Flags
     fresh: Flags
+    steady: Flags
 
 
 class ObservedObstacles:
@@ -87,7 +94,7 @@ class ObservedObstacles:
         # Tiles with unmapped hits since they were last found empty.
         self._tiles = np.zeros([n // TILE + 1 for n in static.blocked.shape], dtype=np.bool_)
         self._scans = 0
-        self._hits = Hits(np.empty((0, 2)), np.empty(0, dtype=np.bool_), np.empty(0, dtype=np.bool_))
+        self._hits = Hits(np.empty((0, 2)), *(np.empty(0, dtype=np.bool_) for _ in range(3)))
 
     @property
     def points(self) -> Array:
@@ -104,6 +111,11 @@ class ObservedObstacles:
         """Whether each hit is where nothing was seen a moment ago, (n,)."""
         return self._hits.fresh
 
+    @property
+    def steady(self) -> Flags:
+        """Whether each hit is beside what has been in one place for a while, (n,)."""
+        return self._hits.steady
+
     def integrate(self, scan: Scan, chassis: Pose, body_edges: Array) -> None:
         """Take one scan, seen with the chassis at that map pose. Hits inside the body are its own parts."""
         self._scans += 1
@@ -113,9 +125,10 @@ class ObservedObstacles:
         )  # fmt: skip
         points = hit_points(beams, chassis, body_edges)
         expiry = self._scans + int(self._settings.forget_after / SCAN_PERIOD)
+        steady = beside_steady(self._evidence, points, self._scans)
         unmapped, fresh = mark_hits(self._evidence, points, self._scans, expiry)
         clear_rays(self._evidence, beams)
-        self._hits = Hits(points, unmapped, fresh)
+        self._hits = Hits(points, unmapped, fresh, steady)
         rows, columns = self._cells_of(points[unmapped])
         self._tiles[rows // TILE, columns // TILE] = True
 
@@ -195,6 +208,23 @@ def hit_points(beams: Beams, chassis: Pose, body_edges: Array) -> Array:
 
 
 @compiled
+def beside_steady(evidence: Evidence, points: Array, serial: int) -> Flags:
+    """Whether each of the hits (n, 2) is in or beside a cell that was hit first more than ``FRESH`` scans ago and is an
+    obstacle since."""
+    g = evidence.geometry
+    steady = np.zeros(len(points), dtype=np.bool_)
+    for k in range(len(points)):
+        i = math.floor((points[k, 1] - g.y) / g.resolution)
+        j = math.floor((points[k, 0] - g.x) / g.resolution)
+        for a in range(max(i - 1, 0), min(i + 2, g.rows)):
+            for b in range(max(j - 1, 0), min(j + 2, g.columns)):
+                is_there = evidence.level[a, b] >= OCCUPIED and evidence.expires[a, b] > serial
+                if is_there and serial - evidence.first_hit[a, b] > FRESH:
+                    steady[k] = True
+    return steady
+
+
+@compiled
 def mark_hits(evidence: Evidence, points: Array, serial: int, expiry: int) -> tuple[Flags, Flags]:
     """Adds the hits (n, 2) of scan ``serial`` to the evidence, which is forgotten at scan ``expiry``; a cell counts
     once a scan. Returns ``unmapped`` and ``fresh`` of ``Hits``."""
@@ -225,9 +255,9 @@ def clear_rays(evidence: Evidence, beams: Beams) -> None:
     g, serial = evidence.geometry, beams.serial
     for k in range(beams.ranges.size):
         reach = beams.ranges[k]
-        if reach <= 0.0:
+        if not reach > 0.0:  # NaN is no measurement
             continue
-        length = beams.max_range if not math.isfinite(reach) else min(reach - g.resolution, beams.max_range)
+        length = beams.max_range if math.isinf(reach) else min(reach - g.resolution, beams.max_range)
         angle = beams.sensor[2] + beams.angle_min + k * beams.angle_step
         dx, dy = math.cos(angle), math.sin(angle)
         travelled = 0.0

@@ -47,10 +47,11 @@ class Perception:
     def set_map(self, data: MapData | None) -> None:
         """Use this map (or none) and forget what was observed on the former one.
 
-        Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that cannot be read; then there is none.
+        Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that cannot be read; the one before is then still in use.
         """
-        self.costmap = None
-        if data is not None:
+        if data is None:
+            self.costmap = None
+        else:
             self.costmap = LocalCostmap(load_map(data, self._settings.slow_zone_velocity), self._settings)
 
     def configure(
@@ -85,7 +86,8 @@ class Perception:
             return
         # The scan belongs to the newest odometry or the one before it: odometry has moved by centimetres at most.
         self._hits = se2.transformed(self._odometry, points_of(scan, self._settings.obstacle_range, footprint))
-        if self.pose is not None and self.costmap is not None:
+        # In doubt nothing is drawn into the map: it would stay there, at a place where it never was.
+        if self.pose is not None and self.costmap is not None and not self._filter.is_doubtful:
             chassis = self._filter.at(scan.stamp)
             points = points_of(scan, self._settings.obstacle_range, self._body or footprint)
             odometry, sensor = self._filter.odometry_at(scan.stamp), se2.pose(scan.sensor)

@@ -6,6 +6,7 @@ import math
 from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.services.planner.geometry import se2
@@ -18,6 +19,9 @@ JUMP_DISTANCE = 0.25  # m; an innovation beyond it, three times in a row, is a r
 JUMP_YAW = 0.2
 JUMPS = 3
 SURPRISE = 16.0  # squared Mahalanobis distance that 1 of 1000 honest measurements exceeds
+INFLATION = 4.0  # of the covariance, at a measurement that surprises
+LARGEST_SIGMA = np.array([2.0, 2.0, 1.0])  # m, m, rad; knowing less than this is knowing nothing
+LEAP = 5.0  # m between two odometry samples: its origin has changed, nothing has moved
 
 
 class PoseFilter:
@@ -41,10 +45,22 @@ class PoseFilter:
             raise RuntimeError("no observation yet")
         return self._pose
 
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(3, 3) of x, y, yaw in m and rad: symmetric and positive."""
+        return self._covariance
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the newest localised poses are far from the estimate: one of both is wrong."""
+        return self._jumps > 0
+
     def update(self, seen: Observation) -> None:
         if self._odometry and seen.stamp < self._odometry[-1][0]:
             self._restart()
         now = se2.pose(seen.odometry)
+        if self._odometry and math.dist(self._odometry[-1][1][:2], now[:2]) > LEAP:
+            self._odometry.clear()
         if self._odometry and self._pose is not None:
             self._predict(se2.between(self._odometry[-1][1], now))
         self._remember(seen.stamp, now)
@@ -92,7 +108,7 @@ class PoseFilter:
         self._pose = se2.compose(pose, moved)
         # Errors of odometry persist over a metre, so they add up faster than independent steps would: hence the 10.
         process = np.diag([sigma**2, sigma**2, sigma_yaw**2]) * 10.0
-        self._covariance = jacobian @ self._covariance @ jacobian.T + process
+        self._covariance = bounded(jacobian @ self._covariance @ jacobian.T + process)
 
     def _correct(self, measured: Pose) -> None:
         r = np.diag([self._noise.position**2, self._noise.position**2, self._noise.yaw**2])
@@ -101,19 +117,33 @@ class PoseFilter:
             return
         innovation = measured - self._pose
         innovation[2] = se2.wrap(innovation[2])
-        if self._is_jump(innovation):
+        self._jumps = self._jumps + 1 if _is_far(innovation) else 0
+        if self._jumps >= JUMPS:
             self._pose, self._covariance = measured, r
+            return
+        if self._jumps > 0:  # a wild measurement or the first of a new place: the next ones show which
+            self._covariance = bounded(self._covariance * INFLATION)
             return
         s = self._covariance + r
         if innovation @ np.linalg.solve(s, innovation) > SURPRISE:
-            self._covariance = self._covariance * 4.0
+            self._covariance = bounded(self._covariance * INFLATION)
             s = self._covariance + r
         gain = np.linalg.solve(s, self._covariance).T
         self._pose = self._pose + gain @ innovation
         self._pose[2] = se2.wrap(self._pose[2])
-        self._covariance = (np.eye(3) - gain) @ self._covariance
+        # Joseph form: positive and symmetric whatever the rounding (Bucy & Joseph 1968).
+        kept = np.eye(3) - gain
+        self._covariance = bounded(kept @ self._covariance @ kept.T + gain @ r @ gain.T)
 
-    def _is_jump(self, innovation: Pose) -> bool:
-        far = math.hypot(innovation[0], innovation[1]) > JUMP_DISTANCE or abs(innovation[2]) > JUMP_YAW
-        self._jumps = self._jumps + 1 if far else 0
-        return self._jumps >= JUMPS
+
+def _is_far(innovation: Pose) -> bool:
+    return math.hypot(innovation[0], innovation[1]) > JUMP_DISTANCE or abs(innovation[2]) > JUMP_YAW
+
+
+def bounded(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The symmetric part of a covariance (3, 3), with no standard deviation above ``LARGEST_SIGMA``; correlations are
+    kept."""
+    symmetric = 0.5 * (covariance + covariance.T)
+    shrink = np.minimum(1.0, LARGEST_SIGMA / np.sqrt(np.diag(symmetric)))
+    kept: NDArray[np.float64] = symmetric * np.outer(shrink, shrink)
+    return kept

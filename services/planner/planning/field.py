@@ -61,6 +61,29 @@ def distance_field(blocked: Mask, resolution: float) -> Field:
     return distance
 
 
+@compiled_nogil
+def near_blocked(blocked: Mask, reach: float) -> Mask:
+    """Whether each cell's centre is within ``reach`` cells of a blocked cell's centre."""
+    rows, columns = blocked.shape
+    near = np.zeros((rows, columns), dtype=np.bool_)
+    size = int(reach)
+    for i in range(rows):
+        for j in range(columns):
+            if not blocked[i, j]:
+                continue
+            near[i, j] = True
+            # The nearest blocked cell of a free one has a free cell beside it.
+            inner = 0 < i < rows - 1 and 0 < j < columns - 1
+            if inner and blocked[i - 1, j] and blocked[i + 1, j] and blocked[i, j - 1] and blocked[i, j + 1]:
+                continue
+            for di in range(-size, size + 1):
+                for dj in range(-size, size + 1):
+                    a, b = i + di, j + dj
+                    if 0 <= a < rows and 0 <= b < columns and di * di + dj * dj <= reach * reach:
+                        near[a, b] = True
+    return near
+
+
 @compiled
 def _meet(row: NDArray[np.float64], q: int, v: int) -> float:
     return float(((row[q] + q * q) - (row[v] + v * v)) / (2.0 * (q - v)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from rackhand.schemas.fail_reasons import MoveFailReason
@@ -13,6 +14,9 @@ from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
 
+RINGS, SPOKES = 8, 24  # of places in a zone that are looked at
+RIM = 0.05  # of its radius, beside which no place is looked for
+ROOM = 0.05  # m that such a place has more than the inscribed circle needs
 START_OVERLAP = 0.05  # m by which the footprint may overlap mapped cells at the start: noise of pose and map
 
 
@@ -44,6 +48,31 @@ def check_start(costmap: LocalCostmap, footprint: Footprint, start: Pose) -> Non
         raise MoveFailed(MoveFailReason.STARTING_POINT_NOT_IN_GROUND, text)
     if costmap.static.blocked[g.cell(start[0], start[1])]:
         raise MoveFailed(MoveFailReason.STARTING_POINT_NOT_IN_GROUND, f"{where}, in a non-traversable cell")
+
+
+def zone_target(costmap: LocalCostmap, footprint: Footprint, goal: Goal, pose: Pose) -> Target | None:
+    """The place in a goal's zone to aim at: the middle, or where that is occupied the free place nearest to it, of the
+    nearest those nearer to the chassis. None where no place in the zone is free on the map and in what is seen."""
+    assert goal.x is not None and goal.y is not None
+    room = footprint.inscribed + ROOM
+    if _is_free(costmap, goal.x, goal.y, footprint.inscribed):
+        return Target(goal.x, goal.y, goal.yaw)
+    towards = math.atan2(pose[1] - goal.y, pose[0] - goal.x)
+    for ring in range(1, RINGS + 1):
+        away = ring / RINGS * (1.0 - RIM) * goal.accuracy
+        for k in range(SPOKES):
+            angle = towards + (1 if k % 2 else -1) * ((k + 1) // 2) * math.tau / SPOKES
+            x, y = goal.x + away * math.cos(angle), goal.y + away * math.sin(angle)
+            if _is_free(costmap, x, y, room):
+                return Target(x, y, None)
+    return None
+
+
+def _is_free(costmap: LocalCostmap, x: float, y: float, radius: float) -> bool:
+    """Whether a circle is free, on the map and, where it is in view, in what is observed."""
+    if not costmap.static.geometry.contains(x, y) or costmap.mapped.at(x, y) < radius:
+        return False
+    return not costmap.near.geometry.contains(x, y) or costmap.near.at(x, y) >= radius
 
 
 def check_goal(costmap: LocalCostmap, footprint: Footprint, target: Target, s: NavigationSettings) -> None:

@@ -29,8 +29,8 @@ TURN = 2.0 * math.pi / HEADINGS
 BIN = 0.1  # m
 STEP = 0.12  # m of one straight move or arc
 BACKWARD = 3.0  # cost of a metre backward, in metres forward
-REVERSAL = 0.3  # cost of changing direction
-TURN_COST = 0.35  # per radian on the spot
+REVERSAL = 1.0  # cost of changing direction: what is driven in the time that it takes
+TURN_COST = 1.75  # per radian on the spot, likewise
 ARC_COST = 0.01  # of an arc beyond a straight move
 FIRST_STEPS = 6  # straight steps with the start's own heading, before turning to one of the lattice
 RELAXED_SLOPE = 0.15  # clearance asked for beyond that of start or goal, per metre from there
@@ -40,9 +40,13 @@ BACKWARD_REST = 0.5  # m; the longest rest driven backward
 
 FOUND, EXHAUSTED, CUT_SHORT, RUNNING = 0, 1, 2, 3
 
+# Direction of travel, change of heading, length in steps. The long arcs, of 1.4 and 2.8 m radius, lead away from a wall
+# beside the chassis: on the shortest, of 0.46 m, its corners swing out by 10 cm.
 _MOVES = np.array(
-    [[1, 0], [1, 1], [1, -1], [0, 1], [0, -1], [-1, 0], [-1, 1], [-1, -1]], dtype=np.float64
-)  # direction of travel, change of heading
+    [(1, 0, 1), (0, 1, 0), (0, -1, 0), (-1, 0, 1)]
+    + [(travel, turn, length) for travel in (1, -1) for turn in (1, -1) for length in (1, 3, 6)],
+    dtype=np.float64,
+)
 
 
 class Margins(NamedTuple):
@@ -93,7 +97,7 @@ class Memory(NamedTuple):
     def of(grid: DistanceGrid, max_expansions: int) -> Memory:
         rows, columns = (math.ceil(n * grid.geometry.resolution / BIN) + 1 for n in grid.distance.shape)
         states = rows * columns * HEADINGS
-        size = 7 * min(max_expansions, states) + 64
+        size = (len(_MOVES) - 1) * min(max_expansions, states) + 64
         return Memory(
             columns=columns,
             spent=np.full(states, np.inf, dtype=np.float32),
@@ -220,17 +224,17 @@ def _expand(problem: Problem, memory: Memory, size: int, expanded: int, until: i
         if direction != 0.0:
             return FOUND, size, expanded, index, direction
         for move in range(_MOVES.shape[0]):
-            travel, turn = _MOVES[move, 0], _MOVES[move, 1]
+            travel, turn, length = _MOVES[move, 0], _MOVES[move, 1], _MOVES[move, 2] * STEP
             middle = state[2] + 0.5 * turn * TURN
-            x = state[0] + travel * STEP * math.cos(middle)
-            y = state[1] + travel * STEP * math.sin(middle)
+            x = state[0] + travel * length * math.cos(middle)
+            y = state[1] + travel * length * math.sin(middle)
             to_go = _heuristic(grid, cost, ends, state, x, y)
             if not math.isfinite(to_go):
                 continue
             there = _state(grid, columns, x, y, (heading + int(turn)) % HEADINGS)
-            if closed[there] or not _is_move_free(grid, footprint, ends, state, x, y, turn):
+            if closed[there] or not _is_move_free(grid, footprint, ends, state, travel, turn, length):
                 continue
-            total = spent[index] + _price(grid, inflation, x, y, travel, turn, travels[index])
+            total = spent[index] + _price(grid, inflation, x, y, travel, turn, length, travels[index])
             if total < spent[there] - 1e-6:
                 spent[there] = total
                 parent[there] = index
@@ -274,25 +278,43 @@ def _heuristic(grid: DistanceGrid, cost: Field, ends: Ends, state: Pose, x: floa
 
 @inlined
 def _is_move_free(
-    grid: DistanceGrid, footprint: Footprint, ends: Ends, state: Pose, x: float, y: float, turn: float
+    grid: DistanceGrid, footprint: Footprint, ends: Ends, state: Pose, travel: float, turn: float, length: float
 ) -> bool:
-    """Whether the footprint has the clearance asked for at the end and in the middle of a move."""
-    need = needed(x, y, ends)
-    if clearance(grid, footprint, x, y, state[2] + turn * TURN, need) < need:
-        return False
-    middle = state[2] + 0.5 * turn * TURN
-    return bool(clearance(grid, footprint, 0.5 * (x + state[0]), 0.5 * (y + state[1]), middle, need) >= need)
+    """Whether the footprint has the clearance asked for along a move, its end first, every half step."""
+    n = max(2, round(2.0 * length / STEP))
+    for k in range(n, 0, -1):
+        share = k / n
+        x, y, yaw = along_arc(state, travel * length * share, turn * TURN * share)
+        need = needed(x, y, ends)
+        if clearance(grid, footprint, x, y, yaw, need) < need:
+            return False
+    return True
+
+
+@inlined
+def along_arc(state: Pose, length: float, turn: float) -> tuple[float, float, float]:
+    """The pose after ``length`` metres (negative backward) on the arc that turns by ``turn``, by its chord."""
+    chord = length * (1.0 - turn * turn / 24.0)
+    middle = state[2] + 0.5 * turn
+    return state[0] + chord * math.cos(middle), state[1] + chord * math.sin(middle), state[2] + turn
 
 
 @inlined
 def _price(
-    grid: DistanceGrid, inflation: Inflation, x: float, y: float, travel: float, turn: float, travel_before: int
+    grid: DistanceGrid,
+    inflation: Inflation,
+    x: float,
+    y: float,
+    travel: float,
+    turn: float,
+    length: float,
+    travel_before: int,
 ) -> float:
     """The cost of a move that ends at x, y."""
     if travel == 0.0:
         return TURN_COST * TURN
     free = sample(grid.distance, grid.geometry, x, y) - 0.5 * grid.geometry.resolution - inflation.inscribed
-    price = STEP * inflation_cost(free, inflation) * (1.0 if travel > 0 else BACKWARD) + ARC_COST * abs(turn)
+    price = length * inflation_cost(free, inflation) * (1.0 if travel > 0 else BACKWARD) + ARC_COST * abs(turn)
     return price + (REVERSAL if travel_before * travel < 0 else 0.0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -31,6 +32,10 @@ SMOOTHING_ROUNDS = 60
 SMOOTHING_CLEARANCE = 0.1  # m beyond the circumscribed radius from which on smoothing need not push away
 NEAREST_START = 0.3  # m from the start to look for a cell that has a path
 RELAXED_END = 0.005  # m by which less than the clearance at start or goal is asked for there
+
+
+NOWHERE = Geometry(0.0, 0.0, 1.0, 0, 0)
+SLACK = 6.0  # m of cost beyond that of the start, to which the field is known: for driving, which may leave the path
 
 
 class NoPathFound(Exception):
@@ -77,12 +82,17 @@ class Segment:
 class Plan:
     """Segments to the goal, and the cost to go of each cell (metres, weighted by inflation) they came from.
 
-    ``tight``: found by the search with the footprint, so it is to be followed closely.
+    ``geometry``: of the cells of ``cost``. ``start_cost``: the cost to go at the start. ``tight``: found by the search
+    with the footprint, so it is to be followed closely. ``open_from``: number of the segments that are planned; those
+    after are a rough guide, to be planned when the chassis comes near.
     """
 
     segments: tuple[Segment, ...]
     cost: Field
+    geometry: Geometry = NOWHERE
     tight: bool = False
+    start_cost: float = math.inf
+    open_from: int | None = None
 
     @property
     def length(self) -> float:
@@ -127,24 +137,40 @@ class GlobalPlanner:
         if not self._geometry.contains(target.x, target.y):
             raise NoPathFound("disconnected", f"the goal ({target.x:.2f}, {target.y:.2f}) is outside the map")
         budget = self._settings.max_expansions
-        cost, toward, expanded = cost_to_go(room, row, column, self._inflation, budget)
+        here = self._index(start)
+        reach = self._nearest_start() / self._geometry.resolution
+        cost, toward, expanded = cost_to_go(room, row, column, self._inflation, budget, here, reach, SLACK)
         if expanded >= budget:
             raise NoPathFound("budget", f"search ended after {expanded} cells, the most that max_expansions allows")
+        yield
         ends = self._ends(grid, start, target)
         direct = self._direct(grid, ends) if corridor is None else None
         if direct is not None:
-            return Plan((direct,), cost)
+            return Plan((direct,), cost, self._geometry, start_cost=direct.length)
         first = self._start_cell(cost, start)
         if first < 0:
             raise NoPathFound("disconnected", f"no path for the inscribed radius {self._footprint.inscribed:.2f} m")
+        start_cost = float(cost.reshape(-1)[first])
         if not tight:
             segments = self._of_inscribed_circle(room, toward, first, ends, target.rotate_in_place)
             if self._fits(grid, segments, ends):
-                return Plan(segments, cost)
-        plan = yield from self._of_footprint(grid, cost, ends)
+                return Plan(segments, cost, self._geometry, start_cost=start_cost)
+        everywhere = cost_to_go(room, row, column, self._inflation, budget, -1, 0.0, 0.0)[0]
+        yield
+        plan = yield from self._of_footprint(grid, everywhere, ends)
+        plan = replace(plan, geometry=self._geometry, start_cost=start_cost)
         if corridor is None:
             return plan
         return replace(plan, segments=tuple(replace(one, points=corridor.kept(one.points)) for one in plan.segments))
+
+    def _nearest_start(self) -> float:
+        return max(NEAREST_START, self._geometry.resolution)
+
+    def _index(self, start: Pose) -> int:
+        """The flat index of the cell of the start, or of the nearest one on the map."""
+        g = self._geometry
+        row, column = g.cell(start[0], start[1])
+        return min(max(row, 0), g.rows - 1) * g.columns + min(max(column, 0), g.columns - 1)
 
     def _ends(self, grid: DistanceGrid, start: Pose, target: Target) -> Ends:
         """With less clearance asked for at start and goal if they have less."""
@@ -158,8 +184,8 @@ class GlobalPlanner:
         """The index of the cell nearest to the start from which a path exists; -1 for none nearby."""
         g = self._geometry
         row, column = g.cell(start[0], start[1])
-        reach = math.ceil(NEAREST_START / g.resolution)
-        best, best_distance = -1, NEAREST_START
+        reach = math.ceil(self._nearest_start() / g.resolution)
+        best, best_distance = -1, self._nearest_start()
         for i in range(max(row - reach, 0), min(row + reach + 1, g.rows)):
             for j in range(max(column - reach, 0), min(column + reach + 1, g.columns)):
                 x, y = g.centre(i, j)
@@ -214,6 +240,7 @@ class GlobalPlanner:
             text = f"a path exists for the inscribed radius {radius:.2f} m, none for the footprint"
             raise NoPathFound("footprint", text)
         rows, direction = search.path()
+        rows = dense(rows)
         start, last = ends.start, rows[-1, :3]
         first = Segment(_line(start[:2], rows[0, :2], start[2]), bool(rows[0, 3] < 0))
         rest = straight(last, ends.goal, direction < 0)
@@ -282,6 +309,20 @@ def _join(joined: list[Segment], segment: Segment) -> None:
 
 def _continues(last: Segment, following: Segment) -> bool:
     return abs(wrap(following.points[0, 2] - last.points[-1, 2])) <= SMALL_TURN
+
+
+def dense(rows: Array) -> Array:
+    """Lattice rows x, y, yaw, direction with points at most ``SPACING`` apart along each arc."""
+    parts = [rows[:1]]
+    for before, row in itertools.pairwise(rows):
+        length, turn = math.hypot(*(row[:2] - before[:2])), wrap(row[2] - before[2])
+        n = 1 if row[3] == 0.0 else max(1, math.ceil(length / SPACING))
+        share = np.arange(1, n + 1) / n
+        arc = np.array([lattice.along_arc(before[:3], row[3] * length * part, turn * part) for part in share])
+        arc[:, :2] += share[:, None] * (row[:2] - arc[-1, :2])
+        arc[-1] = row[:3]
+        parts.append(np.column_stack([arc, np.full(n, row[3])]))
+    return np.vstack(parts)
 
 
 def _segments(rows: Array) -> list[Segment]:

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
-from rackhand.services.planner.map.grid import Mask, StaticMap
+from rackhand.services.planner.map.grid import StaticMap
 from rackhand.services.planner.planning.corridor import Corridor
-from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Plan, Target
+from rackhand.services.planner.planning.plan import NoPathFound, Plan, Target
+from rackhand.services.planner.planning.windows import LargePlanner
 from rackhand.services.planner.settings import NavigationSettings
 
 
@@ -49,17 +50,21 @@ class PlanningScene:
     footprint: Footprint
     settings: NavigationSettings
 
-    def blocked(self, request: PlanRequest) -> Mask:
-        """All cells that must be avoided."""
+    def planner(self, request: PlanRequest) -> LargePlanner:
+        """On all cells that must be avoided."""
+        observed = self.avoided(request)
+        return LargePlanner(self.static.geometry, self.static.blocked, observed, self.footprint, self.settings)
+
+    def avoided(self, request: PlanRequest) -> NDArray[np.int64]:
+        """Flat indices of the cells with an observed obstacle that must be avoided."""
+        observed, g = self.observed, self.static.geometry
         if request.static_only:
-            return self.static.blocked
-        mask, observed, g = self.static.blocked.copy(), self.observed, self.static.geometry
+            return observed[:0]
         if request.clear_around:
             x = g.x + (observed % g.columns + 0.5) * g.resolution - request.target.x
             y = g.y + (observed // g.columns + 0.5) * g.resolution - request.target.y
             observed = observed[np.hypot(x, y) > request.clear_around]
-        mask.reshape(-1)[observed] = True
-        return mask
+        return observed
 
 
 @dataclass(frozen=True)
@@ -120,9 +125,8 @@ class PlanWorker:
 
 
 def _plan(request: PlanRequest, scene: PlanningScene, cancelled: Event) -> Plan:
-    planner = GlobalPlanner(scene.static.geometry, scene.footprint, scene.settings)
-    blocked = scene.blocked(request)
-    steps = planner.search(request.start, request.target, blocked, request.tight, request.corridor)
+    planner = scene.planner(request)
+    steps = planner.search(request.start, request.target, request.tight, request.corridor)
     while not cancelled.is_set():
         try:
             next(steps)

@@ -34,7 +34,10 @@ class Lidar:
         self._distances = np.empty(kind.beams)
 
     def scan(self, model: Any, data: Any, stamp: int, blind: bool) -> Scan:
-        """A scan of the world as ``data``'s frames have it. Noise is drawn also when blind: its stream goes on."""
+        """A scan of the world as ``data``'s frames have it; blind, no beam has a measurement.
+
+        Noise is drawn also when blind: its stream goes on.
+        """
         noise = self._sigma * self._rng.standard_normal(self.kind.beams)
         ranges = np.full(self.kind.beams, np.nan) if blind else self._cast(model, data) + noise
         return Scan(
@@ -65,4 +68,4 @@ class Lidar:
             self.kind.range_max,
         )
         missed = (self._distances < 0) | (self._distances > self.kind.range_max)
-        return np.where(missed, np.nan, self._distances)
+        return np.where(missed, np.inf, self._distances)

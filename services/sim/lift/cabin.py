@@ -56,6 +56,7 @@ class Lift:
         leaves = {floor: [leaf_name(name, floor, leaf) for leaf in LEAVES] for floor in floors}
         self._motors = {floor: [int(model.actuator(leaf).id) for leaf in leaves[floor]] for floor in floors}
         self._qpos = {floor: [int(model.joint(leaf).qposadr[0]) for leaf in leaves[floor]] for floor in floors}
+        self._qvel = {floor: [int(model.joint(leaf).dofadr[0]) for leaf in leaves[floor]] for floor in floors}
         self._commanded = dict.fromkeys(floors, 0.0)
 
     # -- requests and faults -----------------------------------------------------------------------------------------
@@ -108,6 +109,8 @@ class Lift:
             wanted = 1.0 if floor == self.controller.floor and self.controller.doors_open else 0.0
             step = dt / self.kind.door_time
             now = self._commanded[floor] = was + min(max(wanted - was, -step), step)
+            if now != was:
+                self._wake(floor)
             for motor in motors:
                 controls[:, motor] = (was + part * (now - was)) * self.kind.door / 2
 
@@ -138,6 +141,12 @@ class Lift:
         """0 … 1: of the leaf that is furthest behind."""
         leaves = self._data.qpos[self._qpos[self.controller.floor]] / (self.kind.door / 2)
         return float(np.clip(leaves.min() if self.controller.doors_open else leaves.max(), 0.0, 1.0))
+
+    def _wake(self, floor: str) -> None:
+        """Doors that sleep stand still; a velocity whose bytes are not those of 0 wakes them, and does nothing else."""
+        leaves = self._qvel[floor]
+        velocities = self._data.qvel[leaves]
+        self._data.qvel[leaves] = np.where(velocities == 0.0, -0.0, velocities)
 
     def _is_blocked(self) -> bool:
         if self.controller.moving or self._opening() < AJAR:

@@ -37,7 +37,7 @@ def add_lift(spec: Any, name: str, lift: Lift) -> None:
 def _add_leaf(spec: Any, name: str, pose: tuple[float, float, float], side: int, width: float) -> None:
     x, y, yaw = pose
     body = spec.worldbody.add_body(name=name, pos=[x, y, HEIGHT / 2], quat=yaw_quaternion(yaw))
-    body.sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER  # its actuator works at all times
+    body.sleep = mujoco.mjtSleepPolicy.mjSLEEP_INIT  # who moves it must wake it: its actuator does not
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, side, 0], damping=[200, 0, 0])
     body.add_geom(
         name=name,

@@ -55,4 +55,29 @@ def test_fails_with_what_is_in_the_way() -> None:
         watch.check(31 * SECOND, "rotating", "the chassis does not follow")
     assert failed.value.reason is MoveFailReason.ROTATE_TIMEOUT
     assert failed.value.text == "no progress of the turn for 31 s: the chassis does not follow"
-    watch.check(999 * SECOND, "planning", "x")
+    watch.check(119 * SECOND, "planning", "x")
+
+
+@pytest.mark.parametrize("longest", [1.0, 9.6, 30.0])
+def test_to_and_fro_does_not_go_on_for_ever(longest: float) -> None:
+    """Half a metre is lost and made good again, over and over."""
+    watch, ended = ProgressWatch(S, 0), None
+    for k in range(3000):
+        watch.renew()
+        for left in (longest, longest - 0.5):
+            watch.update(k * SECOND, "path", left)
+        assert watch.standing(k * SECOND) == 0.0
+        try:
+            watch.check(k * SECOND, "driving", "x")
+        except MoveFailed as failed:
+            assert failed.reason is MoveFailReason.MOVE_TIMEOUT and "not arrived after" in failed.text
+            ended = k
+            break
+    assert ended is not None and 120 + 9 * longest < ended < 123 + 10 * longest
+
+
+def test_a_hold_does_not_count() -> None:
+    watch = ProgressWatch(S, 0)
+    watch.update(0, "path", 1.0)
+    watch.restart(500 * SECOND)
+    watch.check(501 * SECOND, "driving", "x")

@@ -1,10 +1,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rackhand.services.planner.geometry.cells import Geometry, cells_in, cells_near
+from rackhand.services.planner.geometry.cells import FAR_CELL, Geometry, cells_in, cells_near
 
 GRID = Geometry(-3.0, 2.0, 0.05, 40, 60)
 
@@ -19,6 +20,14 @@ def test_outside_is_not_contained_but_has_a_cell_number() -> None:
     assert GRID.cell(-3.01, 4.01) == (40, -1)
     for x, y in ((-3.01, 3.0), (0.01, 3.0), (-1.0, 1.99), (-1.0, 4.01)):
         assert not GRID.contains(x, y)
+
+
+@pytest.mark.parametrize("far", [1e9, 1e300, 1.7e308])
+def test_points_at_the_ends_of_a_float_are_outside(far: float) -> None:
+    grid = Geometry(-5.0, -5.0, 0.05, 200, 200)
+    for x, y in ((far, 0.0), (-far, 0.0), (0.0, far), (0.0, -far), (far, -far)):
+        assert not grid.contains(x, y)
+        assert all(abs(index) <= FAR_CELL for index in grid.cell(x, y))
 
 
 def test_cells_in_a_polygon_and_near_a_point_are_those_whose_centres_are() -> None:

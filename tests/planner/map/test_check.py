@@ -35,7 +35,7 @@ def test_resolution_has_its_range(resolution: float) -> None:
 
 def test_pixels_are_limited_before_they_are_decoded() -> None:
     text = refused(a_map("bad").model_copy(update={"png": png(size=(MAX_PIXELS, 2))}))
-    assert "want at most 50,000,000 in all" in text
+    assert "want at most 110,000,000 in all" in text
 
 
 @pytest.mark.parametrize(

@@ -183,7 +183,7 @@ def test_a_uid_is_used_once(cell: Cell) -> None:
         ({"png": png()[:-20]}, "png: truncated or damaged"),
         ({"png": png("RGB")}, "png: its mode is RGB, want 8-bit grey (L)"),
         ({"png": png("1")}, "png: its mode is 1, want 8-bit grey (L)"),
-        ({"png": png(size=(10_000, 6_000))}, "png: 10000 × 6000 pixels, want at most 50,000,000"),
+        ({"png": png(size=(12_000, 10_000))}, "png: 12000 × 10000 pixels, want at most 110,000,000"),
         ({"resolution": 5.0}, "resolution: 5.0 m a cell, want 0.001 … 1.0"),
         ({"overlays": {}}, "overlays.type: None, want 'FeatureCollection'"),
         ({"overlays": {"type": "FeatureCollection"}}, "overlays.features: NoneType, want a list"),

@@ -19,12 +19,15 @@ class Seen:
     points: np.ndarray
     is_fresh: bool
     left_free: bool = False
+    is_steady: bool = False
     unmapped: np.ndarray = field(init=False)
     fresh: np.ndarray = field(init=False)
+    steady: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         self.unmapped = np.ones(len(self.points), dtype=bool)
         self.fresh = np.full(len(self.points), self.is_fresh)
+        self.steady = np.full(len(self.points), self.is_steady)
 
     def is_seen_free(self, _: np.ndarray) -> bool:
         return self.left_free
@@ -83,3 +86,11 @@ def test_two_things_apart_are_two_and_a_long_wall_is_none() -> None:
         tracker.update(Seen(points, True, True), SENSOR, int(k * PERIOD * 1e9))  # type: ignore[arg-type]
     assert sorted(row[1] for row in tracker.rows()) == pytest.approx([-1.5, 1.5], abs=0.15)
     assert math.hypot(*tracker.rows()[0][2:4]) == pytest.approx(0.6, abs=0.1)
+
+
+def test_the_edge_of_something_that_stands_there_is_not_moving() -> None:
+    tracker = DynamicObstacleTracker()
+    for k in range(25):
+        seen = Seen(front(4.0 - PERIOD * k, 0.0), is_fresh=True, left_free=True, is_steady=True)
+        velocities = tracker.update(seen, SENSOR, int(k * PERIOD * 1e9))  # type: ignore[arg-type]
+        assert not len(tracker.rows()) and not velocities.any()

@@ -66,6 +66,16 @@ def test_rays_through_it_clear_it() -> None:
     assert not found.is_seen_free(np.array([5.5, 2.0])) and not found.is_seen_free(np.array([50.0, 2.0]))
 
 
+def test_a_beam_without_a_return_is_free_and_one_without_a_measurement_says_nothing() -> None:
+    found = observed()
+    for _ in range(5):
+        found.integrate(scan((0, 2.03), (3, 1.03)), HERE, EDGES)
+    for _ in range(2):
+        found.integrate(scan((0, math.nan), (3, math.inf)), HERE, EDGES)
+    assert found.occupied().sum() == 1 and cell(found, 4.03, 2.0)
+    assert found.is_seen_free(np.array([4.0 + 1.03 * math.cos(math.pi / 6), 2.0 + 1.03 * math.sin(math.pi / 6)]))
+
+
 def test_hits_on_the_map_and_on_the_body_are_none() -> None:
     found = observed()
     found.integrate(scan((9, 1.78), (0, 0.3)), HERE, EDGES)  # the wall at y = 3.8, the front of the chassis

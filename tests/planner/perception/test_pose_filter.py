@@ -75,3 +75,49 @@ def test_a_clock_that_is_reset_is_reset() -> None:
 def test_compose_and_between_are_inverse(seed: int) -> None:
     a, b = np.random.default_rng(seed).uniform(-3, 3, (2, 3))
     assert se2.compose(a, se2.between(a, b)) == pytest.approx(b)
+
+
+@pytest.mark.parametrize(
+    "jump", [(0.0, 0.0, 0.1), (0.1, 0.0, 0.0), (0.07, -0.07, 0.15), (0.24, 0.0, 0.0), (0.0, 0.0, 3.0)]
+)
+@pytest.mark.parametrize("period", [1, 2, 5, 25])
+def test_poses_that_jump_again_and_again_are_followed(jump: tuple[float, float, float], period: int) -> None:
+    pose_filter, here, sign = PoseFilter(PoseNoise()), np.zeros(3), 1.0
+    odometry = np.zeros(3)
+    for k in range(3000):
+        if k % period == 0:
+            here = here + sign * np.array(jump)
+            sign = -sign
+        odometry = se2.compose(odometry, np.array([0.04, 0.0, 0.01]))
+        here = se2.compose(here, np.array([0.04, 0.0, 0.01]))
+        pose_filter.update(seen(k * TICK, here, odometry))
+        covariance = pose_filter.covariance
+        assert np.array_equal(covariance, covariance.T) and np.linalg.eigvalsh(covariance).min() > 0.0
+    for k in range(3000, 3060):
+        pose_filter.update(seen(k * TICK, here, odometry))
+    assert np.abs(se2.between(here, pose_filter.pose)).max() < 0.01
+
+
+@pytest.mark.parametrize("size", [1e6, 1e17, 1e308, 1.7e308])
+@pytest.mark.parametrize("what", ["pose", "odometry", "both"])
+def test_numbers_at_the_ends_of_their_type_do_no_lasting_harm(size: float, what: str) -> None:
+    pose_filter, here, k = PoseFilter(PoseNoise()), np.array([1.0, 2.0, 0.5]), 0
+    for wild in (True, False, True, True, True, True, False, False):
+        far = np.array([size, -size, 0.0]) if wild else np.zeros(3)
+        for _ in range(5):
+            pose = here + far * (what != "odometry")
+            odometry = far * (what != "pose")
+            pose_filter.update(seen(k * TICK, pose, odometry))
+            assert np.isfinite(pose_filter.pose).all() and np.isfinite(pose_filter.covariance).all()
+            k += 1
+    assert pose_filter.pose == pytest.approx(here, abs=1e-6)
+
+
+def test_a_push_is_followed_within_a_few_poses() -> None:
+    pose_filter, here = PoseFilter(PoseNoise()), np.zeros(3)
+    for k in range(100):
+        pose_filter.update(seen(k * TICK, here, np.zeros(3)))
+    pushed = np.array([0.2, -0.1, 0.1])
+    for k in range(100, 110):
+        pose_filter.update(seen(k * TICK, pushed, np.zeros(3)))
+    assert pose_filter.pose == pytest.approx(pushed, abs=0.02)

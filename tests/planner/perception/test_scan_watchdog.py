@@ -17,8 +17,8 @@ SECOND = 10**9
 HERE = Pose2(x=0.0, y=0.0, yaw=0.0)
 
 
-def scan(stamp: int, blind: bool = False) -> Scan:
-    ranges = np.full(90, math.nan if blind else 3.0, dtype="<f4")
+def scan(stamp: int, blind: bool = False, reach: float = 3.0) -> Scan:
+    ranges = np.full(90, math.nan if blind else reach, dtype="<f4")
     return Scan(stamp=stamp, sensor=HERE, angle_min=0.0, angle_step=0.07, range_max=10.0, ranges=ranges)
 
 
@@ -55,3 +55,20 @@ def test_a_scan_that_stays_out_fails_the_move_also_one_that_never_came() -> None
         watchdog.check(end + SECOND // 10)
     assert failed.value.reason is MoveFailReason.CONTROL_COSTMAP_ERROR
     assert failed.value.text == "no usable scan for 6.1 s"
+
+
+@pytest.mark.parametrize("returns", [0, 1, 3, 90])
+def test_a_lidar_that_works_may_see_nothing_and_is_trusted(returns: int) -> None:
+    watchdog, open_ground = ScanWatchdog(S), scan(0, reach=math.inf)
+    ranges = open_ground.ranges.copy()
+    ranges[:returns] = 3.0
+    assert watchdog.take(0, open_ground.model_copy(update={"ranges": ranges}))
+    assert watchdog.fault(0) is None
+
+
+def test_a_lidar_with_hardly_a_measurement_is_blind() -> None:
+    watchdog, covered = ScanWatchdog(S), scan(0, blind=True)
+    ranges = covered.ranges.copy()
+    ranges[:2], ranges[2:40] = math.inf, 0.0
+    assert not watchdog.take(0, covered.model_copy(update={"ranges": ranges}))
+    assert watchdog.fault(0) == "no usable scan yet"

@@ -110,7 +110,7 @@ def test_no_path_is_an_answer_and_an_error_is_raised() -> None:
 def test_the_scene_does_not_change_the_map() -> None:
     before = scene()
     with_crate = scene(((80, 60),))
-    assert with_crate.blocked(request(9.0)).sum() == before.static.blocked.sum() + 1
+    assert len(with_crate.avoided(request(9.0))) == 1 and not len(before.avoided(request(9.0)))
     assert with_crate.static.blocked.sum() == before.static.blocked.sum()
 
 
@@ -120,6 +120,6 @@ def test_what_is_observed_around_the_target_may_be_left_out() -> None:
     g = scene().static.geometry
     row, column = g.cell(asked.target.x, asked.target.y)
     both = scene(((row, column + 4), (row, column + 12)))
-    blocked = both.blocked(replace(asked, clear_around=0.4))
-    assert not blocked[row, column + 4] and blocked[row, column + 12]
-    assert both.blocked(asked)[row, column + 4]
+    near, far = (row * g.columns + column + away for away in (4, 12))
+    assert both.avoided(replace(asked, clear_around=0.4)).tolist() == [far]
+    assert both.avoided(asked).tolist() == [near, far]
