@@ -15,7 +15,6 @@ from rackhand.schemas.maps import MapData
 from rackhand.schemas.moves import MoveCreate
 from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.behaviors.base import Drive
-from rackhand.services.planner.behaviors.detour import behind
 from rackhand.services.planner.control.dynamic_avoidance import least_gap
 from rackhand.services.planner.control.mppi import CostField, Mppi
 from rackhand.services.planner.geometry.footprint import Footprint
@@ -82,7 +81,6 @@ def _leave_a_line(settings: NavigationSettings) -> None:
     static, footprint = load_map(_room(), settings.slow_zone_velocity), Footprint.of(BODY)
     room = DistanceGrid.of(static.blocked, static.geometry)
     rows = legs_of(parse_route("1, 2.5, 4, 2.5"))[0].rows
-    behind(rows, 0, room, room, footprint)
     Corridor(rows[:, :2], 0.5).narrowed(room, footprint.inscribed)
 
 
