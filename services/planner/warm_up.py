@@ -23,7 +23,9 @@ from rackhand.services.planner.map.grid import load_map
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.perception.rack_legs import find_rack, leg_middles
+from rackhand.services.planner.planning.corridor import Corridor
 from rackhand.services.planner.planning.distance_grid import DistanceGrid
+from rackhand.services.planner.planning.given_route import legs_of, parse_route
 from rackhand.services.planner.planning.plan import GlobalPlanner, Target
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -41,6 +43,7 @@ def warm_up(settings: NavigationSettings) -> None:
         # A corridor in which the body cannot turn: the search with the footprint.
         _drive(motion, _room(corridor=True), MoveCreate(target_x=4.0, target_y=2.5, target_ori=0.0), 4 * TICK)
     _give_way(settings)
+    _leave_a_line(settings)
     _look_for_a_rack()
 
 
@@ -71,6 +74,14 @@ def _give_way(settings: NavigationSettings) -> None:
         here, STANDSTILL, STANDSTILL, room, CostField(plan.cost, plan.geometry), goal, movers, footprint,
         settings.control.max_forward_velocity,
     )  # fmt: skip
+
+
+def _leave_a_line(settings: NavigationSettings) -> None:
+    """What only a route with a tolerance needs, when something is on it."""
+    static, footprint = load_map(_room(), settings.slow_zone_velocity), Footprint.of(BODY)
+    room = DistanceGrid.of(static.blocked, static.geometry)
+    rows = legs_of(parse_route("1, 2.5, 4, 2.5"))[0].rows
+    Corridor(rows[:, :2], 0.5).narrowed(room, footprint.inscribed)
 
 
 def _look_for_a_rack() -> None:
