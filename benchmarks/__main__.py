@@ -18,6 +18,7 @@ NAMES = (
     "planning",
     "planner_tick",
     "rack_jobs",
+    "rack_hour",
     "carrying",
     "routes",
     "ik",
