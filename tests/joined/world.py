@@ -29,6 +29,7 @@ from tests.joined.arm import JoinedArm
 from tests.joined.chassis import JoinedChassis
 from tests.system.judge import planar
 
+CHASSIS_TIMESTEP = 0.002
 UNIX_NS = 1_700_000_000 * NANOSECONDS
 T = TypeVar("T")
 
@@ -52,7 +53,8 @@ class JoinedWorld:
     ) -> None:
         loaded = load_world(world) if isinstance(world, str) else world
         if not with_arms:
-            loaded = loaded.model_copy(update={"arms": {}})
+            # The small physics step is there for the servos of arms.
+            loaded = loaded.model_copy(update={"arms": {}, "timestep": CHASSIS_TIMESTEP})
         profiles = load_profiles(loaded, profile)
         settings = noise or NoiseSettings()
         runs = iter(range(1_000_000))

@@ -43,7 +43,7 @@ from rackhand.services.planner.control.recovery import Recovery
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
-from rackhand.services.planner.planning.goals import Goal, check_goal, check_start, zone_target
+from rackhand.services.planner.planning.goals import RINGS, Goal, check_goal, check_start, zone_target
 from rackhand.services.planner.planning.plan import NOWHERE
 
 NO_FIELD = CostField(np.empty((0, 0), dtype=np.float32), NOWHERE)
@@ -72,6 +72,7 @@ class DriveToPose:
     def __init__(self, goal: Goal) -> None:
         self._goal = goal
         self._begun = False
+        self._ring = 0
         self._stage: Phase = "planning"
         self._status = Status()
 
@@ -107,9 +108,12 @@ class DriveToPose:
         return zone and zone_target(ctx.costmap, ctx.footprint, self._goal, ctx.pose) is not None
 
     def _aim(self, ctx: Context) -> None:
-        """In a zone whose middle is occupied: at a free place in it."""
+        """In a zone whose middle is occupied: at a free place in it; farther out where there is no path to that, as to
+        a place inside an obstacle of which only the front is seen."""
         if self._goal.zone and (self._keeper.route is None or self._keeper.is_blocked):
-            target = zone_target(ctx.costmap, ctx.footprint, self._goal, ctx.pose)
+            if self._keeper.take_no_path():
+                self._ring = (self._ring + 1) % (RINGS + 1)
+            target = zone_target(ctx.costmap, ctx.footprint, self._goal, ctx.pose, self._ring)
             if target is not None:
                 self._keeper.aim(target)
 

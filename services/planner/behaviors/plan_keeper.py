@@ -42,6 +42,7 @@ class PlanKeeper:
         self._blocked_since: int | None = None
         self._blocked_at: Array = np.zeros(2)
         self._no_path: NoPathFound | None = None
+        self._failed = False
         self._no_path_since: int | None = None
         self._path_on_static_map = False
 
@@ -56,6 +57,11 @@ class PlanKeeper:
         """Ask for a plan from here. It replaces the route if it is shorter than ``better_than`` metres."""
         self._requested_at, self._better_than = ctx.stamp, better_than
         ctx.request_plan(PlanRequest(ctx.pose.copy(), self._target, static_only, tight))
+
+    def take_no_path(self) -> bool:
+        """Whether there is no path to what was aimed at; once for each answer of the planner."""
+        failed, self._failed = self._failed, False
+        return failed
 
     def aim(self, target: Target) -> None:
         """Plan to another place from the next request on."""
@@ -114,7 +120,7 @@ class PlanKeeper:
     def _note_no_path(self, ctx: Context, request: PlanRequest, no_path: NoPathFound) -> None:
         if request.static_only:
             raise MoveFailed(_REASONS[no_path.kind], no_path.text)
-        self._no_path = no_path
+        self._no_path, self._failed = no_path, True
         if self._no_path_since is None:
             self._no_path_since = ctx.stamp
         if not self.plans and not self._path_on_static_map:  # the map alone shows whether waiting can help

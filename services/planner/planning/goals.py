@@ -50,16 +50,17 @@ def check_start(costmap: LocalCostmap, footprint: Footprint, start: Pose) -> Non
         raise MoveFailed(MoveFailReason.STARTING_POINT_NOT_IN_GROUND, f"{where}, in a non-traversable cell")
 
 
-def zone_target(costmap: LocalCostmap, footprint: Footprint, goal: Goal, pose: Pose) -> Target | None:
+def zone_target(costmap: LocalCostmap, footprint: Footprint, goal: Goal, pose: Pose, ring: int = 0) -> Target | None:
     """The place in a goal's zone to aim at: the middle, or where that is occupied the free place nearest to it, of the
-    nearest those nearer to the chassis. None where no place in the zone is free on the map and in what is seen."""
+    nearest those nearer to the chassis. ``ring``: of the ``RINGS`` about the middle, the first that is looked at. None
+    where no place in the zone is free on the map and in what is seen."""
     assert goal.x is not None and goal.y is not None
     room = footprint.inscribed + ROOM
-    if _is_free(costmap, goal.x, goal.y, footprint.inscribed):
+    if ring == 0 and _is_free(costmap, goal.x, goal.y, footprint.inscribed):
         return Target(goal.x, goal.y, goal.yaw)
     towards = math.atan2(pose[1] - goal.y, pose[0] - goal.x)
-    for ring in range(1, RINGS + 1):
-        away = ring / RINGS * (1.0 - RIM) * goal.accuracy
+    for at in range(max(ring, 1), RINGS + 1):
+        away = at / RINGS * (1.0 - RIM) * goal.accuracy
         for k in range(SPOKES):
             angle = towards + (1 if k % 2 else -1) * ((k + 1) // 2) * math.tau / SPOKES
             x, y = goal.x + away * math.cos(angle), goal.y + away * math.sin(angle)

@@ -38,6 +38,9 @@ RELAXED_SLOPE = 0.15  # clearance asked for beyond that of start or goal, per me
 REST_NEAR, REST_FAR, REST_EVERY = 0.5, 2.5, 8
 BACKWARD_REST = 0.5  # m; the longest rest driven backward
 
+# A goal is sealed when fewer states than POCKET can be reached from it, at all of so many headings.
+POCKET, PROBED_HEADINGS = 4_000, 64
+
 FOUND, EXHAUSTED, CUT_SHORT, RUNNING = 0, 1, 2, 3
 
 # Direction of travel, change of heading, length in steps. The long arcs, of 1.4 and 2.8 m radius, lead away from a wall
@@ -138,6 +141,21 @@ class Search:
         """
         m = self._memory
         return _trace(m.parent, m.position, m.travel, self._last), self._direction
+
+
+def is_sealed(problem: Problem) -> bool:
+    """Whether the footprint cannot get far from the goal, at whichever heading it is there: then there is no path, and
+    a search from the start would find that out only when it has been everywhere."""
+    ends = problem.ends
+    start, general, goal = ends.margins.start, ends.margins.general, ends.margins.goal
+    flat = np.where(np.isfinite(problem.cost), 0.0, np.inf).astype(problem.cost.dtype)
+    headings = ends.goal[2] + np.arange(PROBED_HEADINGS if ends.any_yaw else 1) * 2.0 * math.pi / PROBED_HEADINGS
+    for heading in headings:
+        pose = np.array([ends.goal[0], ends.goal[1], wrap(heading)])
+        away = Ends(pose, ends.start, True, Margins(general, goal, start))
+        if Search(problem._replace(cost=flat, ends=away), POCKET).run(POCKET) != EXHAUSTED:
+            return False
+    return True
 
 
 @inlined

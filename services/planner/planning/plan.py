@@ -29,6 +29,7 @@ SPACING = 0.05  # m between the points of a path
 SMALL_TURN = 0.1  # rad between two segments that are driven without stopping
 DIRECT = 0.6  # m; nearer goals are reached by a turn and a straight line if those are free
 SMOOTHING_ROUNDS = 60
+LONG_SEARCH = 4  # ticks of a search with the footprint, after which the goal is looked at from the other side
 SMOOTHING_CLEARANCE = 0.1  # m beyond the circumscribed radius from which on smoothing need not push away
 NEAREST_START = 0.3  # m from the start to look for a cell that has a path
 RELAXED_END = 0.005  # m by which less than the clearance at start or goal is asked for there
@@ -232,6 +233,9 @@ class GlobalPlanner:
         search = lattice.Search(problem, s.max_expansions)
         while (outcome := search.run(s.expansions_per_tick)) == lattice.RUNNING:
             yield
+            if search.expanded == s.expansions_per_tick * LONG_SEARCH and lattice.is_sealed(problem):
+                outcome = lattice.EXHAUSTED
+                break
         if outcome == lattice.CUT_SHORT:
             raise NoPathFound(
                 "budget", f"search with the footprint ended after {search.expanded} states without a path"
