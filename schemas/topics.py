@@ -179,9 +179,9 @@ MOTION_SESSION = _arm("motion/session", motion.SessionGone, "gateway", ("control
                       "the connection of a client was closed")
 
 LIFT_STATE = Topic("lift/state", "rackhand/{robot}/lift/state", "lift", lift.LiftState, "driver",
-                   ("planner", "gateway"), 5, Qos.STREAM, "floor, doors, who has the lift")
+                   ("gateway",), 5, Qos.STREAM, "floor, doors, who has the lift")
 LIFT_MODEL = Topic("lift/model", "rackhand/{robot}/lift/model", "lift", lift.LiftModel, "driver",
-                   ("planner", "gateway"), 0, Qos.LATCHED, "floors, cabin and door of a lift")
+                   ("gateway",), 0, Qos.LATCHED, "floors, cabin and door of a lift")
 
 BUS_STATS = Topic("bus/stats", "rackhand/{robot}/bus/stats", "any", service.BusStats, "every service", ("viewer",), 0,
                   Qos.STREAM, "samples that a service received, lost and could not parse, per second of wall time")
