@@ -35,7 +35,7 @@ BODIES, PATHS, FRAMES = EXAMPLES * 15 // 100, EXAMPLES * 5 // 100, EXAMPLES * 20
 PAYLOADS = EXAMPLES - BODIES - 2 * PATHS - FRAMES
 
 # Whose name a row's key takes, so that every row reaches a service of the cell.
-NAMES = {"chassis": "amr1", "arm": "arm1", "world": WORLD, "any": "amr1"}
+NAMES = {"chassis": "amr1", "arm": "arm1", "world": WORLD, "any": "amr1", "lift": "lift_1"}
 
 POSTS = ("/chassis/moves", "/chassis/current-map", "/chassis/pose", "/maps/", "/services/jack_up",
          "/services/wheel_control/set_control_mode", "/services/wheel_control/set_emergency_stop")  # fmt: skip
