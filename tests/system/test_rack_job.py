@@ -34,7 +34,7 @@ def align(client: ApiClient) -> None:
 def set_down_and_leave(client: ApiClient, judge: Judge) -> None:
     client.jack("down")
     client.wait("/robot_model", lambda model: model["width"] < WIDTH + 0.01, "the footprint is the body's again")
-    assert client.seen["/load_state"]["state"] == "under_rack"
+    client.wait("/load_state", lambda load: load["state"] == "under_rack", "the rack is on the floor")
     client.succeed("standard", target_x=5.5, target_y=7.5)
     client.wait("/load_state", lambda load: load["state"] == "free", "the robot is out from under the rack")
     check_set_down(judge, "rack_s8")
