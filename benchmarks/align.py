@@ -117,7 +117,7 @@ def _docked(
         if ended.state != "succeeded" or joined.inspect().contact_count:
             return f"seed {seed}: {ended.state} {ended.fail_message}, {joined.inspect().contact_count} contacts"
         pose = joined.true_pose(driver.name)
-        x, y, yaw = planar.between(docked, (pose.x, pose.y, pose.yaw))
+        x, y, yaw = planar.between(docked, planar.as_tuple(pose))
         return x, y, yaw, joined.now() - begun
 
 

@@ -145,7 +145,7 @@ def _carry(job: Job, driver: JoinedChassis, chance: random.Random, source_area: 
     job.unload = _move(driver, type="to_unload_point", **unload)
     _jack(driver, "down", LoadState.UNDER_RACK)
     chassis = world.true_pose(driver.name)
-    x, y, _ = planar.compose((chassis.x, chassis.y, chassis.yaw), (-BACK, 0.0, 0.0))
+    x, y, _ = planar.compose(planar.as_tuple(chassis), (-BACK, 0.0, 0.0))
     _move(driver, type="standard", target_x=x, target_y=y)
     job.whole = world.now() - begun
     _judge(job, driver, rack, goal if job.sort == "point to point" else None, free, _area(overlays, to))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from rackhand.schemas.base import Quaternion
+from rackhand.schemas.base import Pose2, Quaternion
 
 PlanarPose = tuple[float, float, float]
 
@@ -19,6 +19,11 @@ class PoseLike(Protocol):
     """Anything indexable that holds x, y, yaw: a tuple, a list, an array of shape (3,)."""
 
     def __getitem__(self, index: int, /) -> float: ...
+
+
+def as_tuple(pose: Pose2) -> PlanarPose:
+    """The numbers of a pose message."""
+    return pose.x, pose.y, pose.yaw
 
 
 def wrap(angle: float) -> float:

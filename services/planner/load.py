@@ -13,7 +13,6 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from scipy.spatial import ConvexHull
 
 from rackhand.runtime.store import Store
-from rackhand.schemas.base import Pose2
 from rackhand.schemas.codec import explain
 from rackhand.schemas.racks import LoadReport, RackSpec
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
@@ -86,15 +85,13 @@ class Load(BaseModel):
 
     def report(self, stamp: int) -> LoadReport:
         """As it is published."""
-        pose = (
-            None if self.rack_pose is None else Pose2(x=self.rack_pose[0], y=self.rack_pose[1], yaw=self.rack_pose[2])
-        )
+        pose = None if self.rack_pose is None else se2.message(np.array(self.rack_pose))
         return LoadReport(stamp=stamp, state=self.state.value, spec=self.spec, rack_pose=pose)
 
     @staticmethod
     def under(spec: RackSpec, rack: Pose) -> Load:
         """Of a chassis under a rack that is on the floor at ``rack`` (map frame)."""
-        return Load(state=LoadState.UNDER_RACK, spec=spec, rack_pose=_as_tuple(rack))
+        return Load(state=LoadState.UNDER_RACK, spec=spec, rack_pose=se2.as_tuple(rack))
 
 
 @dataclass(frozen=True)
@@ -132,7 +129,7 @@ def _lifted(load: Load, now: Measured, default_rack: RackSpec) -> Load:
     if load.state is not LoadState.UNDER_RACK or load.spec is None or load.rack_pose is None or now.pose is None:
         return Load(state=LoadState.CARRYING, spec=default_rack, rack_pose=(0.0, 0.0, 0.0))
     seen_from_chassis = se2.between(now.pose, np.array(load.rack_pose))
-    return Load(state=LoadState.CARRYING, spec=load.spec, rack_pose=_as_tuple(seen_from_chassis))
+    return Load(state=LoadState.CARRYING, spec=load.spec, rack_pose=se2.as_tuple(seen_from_chassis))
 
 
 def _carried(load: Load, now: Measured) -> Load:
@@ -152,10 +149,6 @@ def _under_rack(load: Load, now: Measured) -> Load:
         return load
     body = se2.transformed(now.pose, now.body.polygon)
     return load if convex_overlap(body, rack) else Load()
-
-
-def _as_tuple(pose: Pose) -> tuple[float, float, float]:
-    return float(pose[0]), float(pose[1]), float(pose[2])
 
 
 class LoadRecord(Protocol):

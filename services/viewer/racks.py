@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import ChassisFootprint
 from rackhand.schemas.maps import MapData, PointType, overlay_code
-from rackhand.schemas.planar import transform
+from rackhand.schemas.planar import as_tuple, transform
 from rackhand.schemas.racks import DetectedRack, LoadReport, Occupancy, RackStates, SeenRacks
 from rackhand.services.viewer import colours
 from rackhand.services.viewer.items import Drawing
@@ -94,7 +94,7 @@ def _state(levels: list[Occupancy]) -> Occupancy:
 
 def _at(pose: Pose2, corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Corners (n, 2) of the pose's frame in the frame that it is given in."""
-    return np.array([transform((pose.x, pose.y, pose.yaw), x, y) for x, y in corners.tolist()])
+    return np.array([transform(as_tuple(pose), x, y) for x, y in corners.tolist()])
 
 
 def _closed(corners: NDArray[np.float64], colour: colours.Colour, width: float = 2.0) -> rr.LineStrips3D:

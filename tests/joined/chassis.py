@@ -11,7 +11,16 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import Message
 from rackhand.schemas.chassis import ChassisCommand, ChassisRequest, Done, Odometry
 from rackhand.schemas.maps import CreateMap, GetMap, MapReply, MapRequest, SelectMap, UseMapData
-from rackhand.schemas.moves import TERMINAL, CancelMove, CreateMove, GetMove, Move, MoveCreate, MoveRequest
+from rackhand.schemas.moves import (
+    TERMINAL,
+    CancelMove,
+    CreateMove,
+    GetMove,
+    Move,
+    MoveCreate,
+    MoveRequest,
+    PlanningState,
+)
 from rackhand.schemas.parameters import ParameterChanges, ParametersRequest, SetParameters
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import Clock
@@ -136,6 +145,19 @@ class JoinedChassis:
 
     def newest(self, topic: Topic[Any]) -> Any:
         return next(message for told, message in reversed(self.published) if told is topic)
+
+    def stays_still(self) -> bool:
+        """Let a second pass; whether the chassis truly stays where it is."""
+        before = self.world.true_pose(self.name)
+        self.world.advance(1.0)
+        after = self.world.true_pose(self.name)
+        return max(abs(before.x - after.x), abs(before.y - after.y), abs(before.yaw - after.yaw)) < 5e-3
+
+    @property
+    def planning_state(self) -> PlanningState:
+        found = self.newest(topics.PLANNING_STATE)
+        assert isinstance(found, PlanningState)
+        return found
 
     # -- maps --------------------------------------------------------------------------------------------------------
 

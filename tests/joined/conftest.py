@@ -11,6 +11,7 @@ import pytest
 from rackhand.services.controller import ik
 from rackhand.worlds.world_model import World, load_world
 from tests.joined.arm import JoinedArm
+from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
 
 
@@ -28,3 +29,10 @@ def either(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Joi
         station = world.arm()
         station.advance(0.04)
         yield station, station.arm
+
+
+@pytest.fixture
+def driver(tmp_path: Path) -> Iterator[JoinedChassis]:
+    """The chassis of the warehouse, where it begins."""
+    with JoinedWorld("warehouse", tmp_path, with_arms=False) as world:
+        yield world.chassis()

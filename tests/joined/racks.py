@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from rackhand.schemas import planar
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import JackRequest
+from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.moves import Move
 from rackhand.schemas.racks import RackSpec
 from rackhand.schemas.world import MoveRobot
 from rackhand.services.planner.load import Load, LoadState
@@ -17,6 +20,7 @@ from tests.joined.chassis import JoinedChassis, Json
 from tests.system.judge import distance, turn
 
 SPECS = {"standard": RackSpec(width=0.83, depth=0.83), "large": RackSpec(width=0.9, depth=1.2, leg_size=0.04)}
+Cause = Callable[[JoinedChassis], Move]
 STROKE = 14.0  # s that a stroke of the jack takes at most
 
 
@@ -58,6 +62,21 @@ def lower(driver: JoinedChassis) -> None:
     driver.ask(JackRequest(direction="down"))
     driver.world.advance(STROKE)
     assert driver.core._motion.load.state is LoadState.UNDER_RACK
+
+
+def with_jack_up(driver: JoinedChassis, body: Json) -> Move:
+    """That move, asked for with the jack raised."""
+    driver.ask(JackRequest(direction="up"))
+    driver.world.advance(STROKE)
+    return driver.drive(body)
+
+
+def check_failure(driver: JoinedChassis, cause: Cause, reason: MoveFailReason, text: str) -> None:
+    """The move that ``cause`` drives fails for that reason, with that text, and nothing was touched."""
+    move = cause(driver)
+    assert (move.state, move.fail_reason) == ("failed", reason), move
+    assert text in move.fail_message, move.fail_message
+    assert driver.world.inspect().contact_count == 0
 
 
 def kind_of(driver: JoinedChassis, rack: str) -> str:

@@ -9,7 +9,6 @@ import pytest
 
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import SetEmergencyStop
-from rackhand.schemas.parameters import ParameterChanges, ParametersRequest, SetParameters
 from rackhand.schemas.planar import PlanarPose, between
 from rackhand.schemas.world import Place
 from rackhand.worlds.world_model import Item, World
@@ -34,23 +33,29 @@ def on_plate(world: JoinedWorld) -> PlanarPose:
     return between((chassis.x, chassis.y, chassis.yaw), (rack.x, rack.y, rack.yaw))
 
 
-def at_full_speed(driver: JoinedChassis) -> None:
-    """Velocities are not lowered for the weight: the course is harder than it would be."""
-    changes = ParameterChanges(weight_based_speed_limit=False)
-    driver.core.parameters.answer(ParametersRequest(request=SetParameters(changes=changes)))
+def lifted(world: JoinedWorld) -> tuple[JoinedChassis, PlanarPose]:
+    """The chassis with the rack on its jack, and where that is on the plate. Velocities are not lowered for the weight:
+    what follows is harder than it would be."""
+    driver = world.chassis()
+    lift(driver, "rack")
+    driver.set_parameters(weight_based_speed_limit=False)
+    return driver, on_plate(world)
 
 
 def speed(driver: JoinedChassis) -> float:
     return driver.odometry[-1].twist.linear
 
 
+def reach_full_speed(driver: JoinedChassis) -> None:
+    driver.post(type="standard", target_x=6.0, target_y=0.0)
+    driver.world.wait_for(lambda: True if speed(driver) > 1.0 else None, "full speed", 30.0, step=0.04)
+
+
 @pytest.mark.parametrize(("kind", "goods"), [("standard", 210.0), ("large", 120.0)])
 def test_a_rack_of_300_kg_does_not_slide_on_a_course_at_full_speed(tmp_path: Path, kind: str, goods: float) -> None:
     with JoinedWorld(heavy(kind, goods), tmp_path, with_arms=False) as world:
-        driver = world.chassis()
-        lift(driver, "rack")
-        at_full_speed(driver)
-        before, begun, fastest, way = on_plate(world), world.now(), 0.0, 0.0
+        driver, before = lifted(world)
+        begun, fastest, way = world.now(), 0.0, 0.0
         for x, y, yaw in COURSE:
             target = {"target_x": x, "target_y": y} | ({} if yaw is None else {"target_ori": yaw})
             move = driver.drive(type="standard", **target)
@@ -71,12 +76,8 @@ def test_a_rack_of_300_kg_does_not_slide_on_a_course_at_full_speed(tmp_path: Pat
 def test_a_crate_that_appears_ahead_of_a_heavy_rack_stops_it_in_time(tmp_path: Path) -> None:
     """0.75 m ahead at 1 m/s, little more than a stop is long: it is as long as was foreseen, and the rack stays."""
     with JoinedWorld(heavy("standard", 210.0), tmp_path, with_arms=False) as world:
-        driver = world.chassis()
-        lift(driver, "rack")
-        at_full_speed(driver)
-        before = on_plate(world)
-        driver.post(type="standard", target_x=6.0, target_y=0.0)
-        world.wait_for(lambda: True if speed(driver) > 1.0 else None, "full speed", 30.0, step=0.04)
+        driver, before = lifted(world)
+        reach_full_speed(driver)
         x = world.true_pose("amr1").x
         world.ask(Place(name="crate", pose=Pose2(x=x + 0.47 + 0.2 + 0.75, y=0.0, yaw=0.0), size=(0.4, 0.6, 0.6)))
         world.wait_for(lambda: True if speed(driver) < 0.02 else None, "it stands", 10.0, step=0.04)
@@ -90,12 +91,8 @@ def test_a_crate_that_appears_ahead_of_a_heavy_rack_stops_it_in_time(tmp_path: P
 
 def test_an_emergency_stop_keeps_the_rack_on_the_jack(tmp_path: Path) -> None:
     with JoinedWorld(heavy("standard", 210.0), tmp_path, with_arms=False) as world:
-        driver = world.chassis()
-        lift(driver, "rack")
-        at_full_speed(driver)
-        before = on_plate(world)
-        driver.post(type="standard", target_x=6.0, target_y=0.0)
-        world.wait_for(lambda: True if speed(driver) > 1.0 else None, "full speed", 30.0, step=0.04)
+        driver, before = lifted(world)
+        reach_full_speed(driver)
         x, v = world.true_pose("amr1").x, speed(driver)
         driver.ask(SetEmergencyStop(enable=True))
         world.advance(2.0)

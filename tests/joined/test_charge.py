@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,13 +11,13 @@ import pytest
 from benchmarks.align import charger_point, hall_with_charger
 from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
-from rackhand.schemas.chassis import JackRequest, SetEmergencyStop
+from rackhand.schemas.chassis import SetEmergencyStop
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.moves import Move
 from rackhand.schemas.world import InjectFault, MoveRobot
 from rackhand.services.planner.load import LoadState
 from tests.joined.chassis import JoinedChassis
-from tests.joined.racks import STROKE
+from tests.joined.racks import Cause, check_failure, with_jack_up
 from tests.joined.world import JoinedWorld
 from tests.system.judge import standard
 
@@ -92,7 +92,7 @@ def test_the_next_move_first_leaves_the_charger_and_charging_again_comes_back(dr
     assert again.fail_reason == Reason.ALREADY_IN_CHARGING and off(driver) < 0.01
     move = driver.post(standard(X + 2.0, 1.0, 1.0))
     driver.world.advance(0.6)
-    assert driver.newest(topics.PLANNING_STATE).flags == ("undocking_charger_or_rack",)
+    assert driver.planning_state.flags == ("undocking_charger_or_rack",)
     driver.world.advance(2.0)
     assert abs(driver.world.true_pose(driver.name).y) < 0.03, "straight out"
     assert driver.finish(move).state == "succeeded"
@@ -131,12 +131,10 @@ def no_charger_on_the_map(driver: JoinedChassis) -> Move:
 
 
 def jack_up(driver: JoinedChassis) -> Move:
-    driver.ask(JackRequest(direction="up"))
-    driver.world.advance(STROKE)
-    return driver.drive(CHARGE)
+    return with_jack_up(driver, CHARGE)
 
 
-CAUSES: list[tuple[Reason, str, Callable[[JoinedChassis], Move]]] = [
+CAUSES: list[tuple[Reason, str, Cause]] = [
     (Reason.CHARGE_RETRY_COUNT_EXCEEDED, "did not meet those of charger 'c' in 2 attempts", no_contact),
     (Reason.CHARGE_DOCK_SIGNAL_ERROR, "in 1 attempts", no_contact_and_no_retries),
     (Reason.CHARGE_DOCK_DETECTION_ERROR, "no V of two plates is seen", no_dock_where_it_is_registered),
@@ -148,13 +146,8 @@ CAUSES: list[tuple[Reason, str, Callable[[JoinedChassis], Move]]] = [
 
 
 @pytest.mark.parametrize(("reason", "text", "cause"), CAUSES, ids=[cause.__name__ for *_, cause in CAUSES])
-def test_it_fails_for_its_cause(
-    driver: JoinedChassis, reason: Reason, text: str, cause: Callable[[JoinedChassis], Move]
-) -> None:
-    move = cause(driver)
-    assert (move.state, move.fail_reason) == ("failed", reason), move
-    assert text in move.fail_message, move.fail_message
-    assert driver.world.inspect().contact_count == 0
+def test_it_fails_for_its_cause(driver: JoinedChassis, reason: Reason, text: str, cause: Cause) -> None:
+    check_failure(driver, cause, reason, text)
 
 
 def test_a_charger_that_gave_no_current_is_docked_to_anew(driver: JoinedChassis) -> None:

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from rackhand.schemas import topics
 from rackhand.schemas.chassis import FollowTarget, SetControlMode, SetEmergencyStop
 from rackhand.schemas.fail_reasons import MoveFailReason
-from rackhand.schemas.moves import PauseMove, PlanningState
+from rackhand.schemas.moves import PauseMove
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.settings import NavigationSettings
 from tests.joined.chassis import JoinedChassis
-from tests.joined.world import JoinedWorld
 from tests.system.judge import standard
 
 ROBOT = "amr1"
@@ -23,18 +19,6 @@ WANTED = NavigationSettings().follow_distance
 PERIOD = 0.32  # s between reports
 STAGES = ["waiting for a report", "driving", "at the distance", "paused by the client"]
 TARGET = (5.5, 1.5)
-
-
-@pytest.fixture
-def driver(tmp_path: Path) -> Iterator[JoinedChassis]:
-    with JoinedWorld("warehouse", tmp_path, with_arms=False) as world:
-        yield world.chassis()
-
-
-def state(driver: JoinedChassis) -> PlanningState:
-    found = driver.newest(topics.PLANNING_STATE)
-    assert isinstance(found, PlanningState)
-    return found
 
 
 def report(driver: JoinedChassis, seconds: float, x: float, y: float) -> None:
@@ -58,20 +42,13 @@ def begin(driver: JoinedChassis, stage: str) -> int:
         report(driver, 2.0, *TARGET)
         driver.ask(FollowTarget(state="pause"))
         driver.world.advance(12.0)
-    assert state(driver).move_state == "moving"
+    assert driver.planning_state.move_state == "moving"
     return move
 
 
 def away(driver: JoinedChassis) -> float:
     pose = driver.world.true_pose(ROBOT)
     return math.dist((pose.x, pose.y), TARGET)
-
-
-def is_still(driver: JoinedChassis) -> bool:
-    before = driver.world.true_pose(ROBOT)
-    driver.world.advance(1.0)
-    after = driver.world.true_pose(ROBOT)
-    return max(abs(before.x - after.x), abs(before.y - after.y), abs(before.yaw - after.yaw)) < 5e-3
 
 
 @pytest.mark.parametrize("stage", STAGES)
@@ -86,7 +63,7 @@ def test_what_ends_following(driver: JoinedChassis, stage: str, end: str) -> Non
         assert driver.drive(standard(3.5, 1.5)).state == "succeeded"
     assert driver.move(move).state == "cancelled"
     driver.world.advance(1.0)
-    assert is_still(driver)
+    assert driver.stays_still()
     with pytest.raises(RequestRefused, match="no follow_target move is running"):
         driver.ask(FollowTarget(state="follow_pose", position=TARGET))
     assert driver.world.inspect().contact_count == 0
@@ -108,7 +85,7 @@ def test_what_holds_following(driver: JoinedChassis, stage: str, hold: str) -> N
     move = begin(driver, stage)
     held(True)
     driver.world.advance(1.5)
-    assert is_still(driver)
+    assert driver.stays_still()
     driver.world.advance(10.0)
     held(False)
     report(driver, 9.0, *TARGET)
@@ -119,7 +96,7 @@ def test_what_holds_following(driver: JoinedChassis, stage: str, hold: str) -> N
 def test_lost_regained_and_failed(driver: JoinedChassis) -> None:
     move = begin(driver, "driving")
     driver.world.advance(3.0)
-    assert is_still(driver), "without reports it stops"
+    assert driver.stays_still(), "without reports it stops"
     report(driver, 9.0, *TARGET)
     assert abs(away(driver) - WANTED) < 0.2
     driver.ask(FollowTarget(state="fail"))

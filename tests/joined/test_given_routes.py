@@ -3,20 +3,17 @@ resumes it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import SetControlMode, SetEmergencyStop
-from rackhand.schemas.moves import PauseMove, PlanningState
+from rackhand.schemas.moves import PauseMove
 from rackhand.schemas.world import Place
 from tests.joined.chassis import JoinedChassis
-from tests.joined.world import JoinedWorld
 from tests.planner.plant import off_line
 from tests.system.judge import standard
 
@@ -26,27 +23,17 @@ TEXT = ", ".join(f"{x}, {y}" for x, y in ROUTE)
 BODY = {"type": "along_given_route", "route_coordinates": TEXT, "target_ori": 1.57}
 
 
-@pytest.fixture
-def driver(tmp_path: Path) -> Iterator[JoinedChassis]:
-    with JoinedWorld("warehouse", tmp_path, with_arms=False) as world:
-        yield world.chassis()
-
-
-def state(driver: JoinedChassis) -> PlanningState:
-    found = driver.newest(topics.PLANNING_STATE)
-    assert isinstance(found, PlanningState)
-    return found
-
-
 def wait_for(driver: JoinedChassis, stage: str) -> None:
     """Let time pass until the move is in this stage."""
     reached: dict[str, Callable[[], bool]] = {
-        "joining": lambda: state(driver).remaining_distance > 0.0,
-        "on the line": lambda: state(driver).passed_points == 1 and speed(driver) > 0.3,
-        "at a corner": lambda: state(driver).passed_points == 2 and abs(driver.odometry[-1].twist.angular) > 0.3,
+        "joining": lambda: driver.planning_state.remaining_distance > 0.0,
+        "on the line": lambda: driver.planning_state.passed_points == 1 and speed(driver) > 0.3,
+        "at a corner": lambda: (
+            driver.planning_state.passed_points == 2 and abs(driver.odometry[-1].twist.angular) > 0.3
+        ),
         "turning at the end": lambda: (
-            state(driver).passed_points == 4
-            and state(driver).remaining_distance == 0.0
+            driver.planning_state.passed_points == 4
+            and driver.planning_state.remaining_distance == 0.0
             and abs(driver.odometry[-1].twist.angular) > 0.2
         ),
     }
@@ -55,13 +42,6 @@ def wait_for(driver: JoinedChassis, stage: str) -> None:
 
 def speed(driver: JoinedChassis) -> float:
     return driver.odometry[-1].twist.linear
-
-
-def is_still(driver: JoinedChassis) -> bool:
-    before = driver.world.true_pose(ROBOT)
-    driver.world.advance(1.0)
-    after = driver.world.true_pose(ROBOT)
-    return max(abs(before.x - after.x), abs(before.y - after.y), abs(before.yaw - after.yaw)) < 5e-3
 
 
 STAGES = ["joining", "on the line", "at a corner", "turning at the end"]
@@ -90,7 +70,7 @@ def test_what_ends_a_route(driver: JoinedChassis, stage: str) -> None:
         assert end(driver) == driver.move(move).state
         if end is not replace:
             driver.world.advance(1.0)
-            assert is_still(driver)
+            assert driver.stays_still()
         driver.ask(SetControlMode(control_mode="auto"))
         assert driver.drive(standard(2.6, 1.5, 0.0)).state == "succeeded"
     assert driver.world.inspect().contact_count == 0
@@ -110,13 +90,13 @@ def test_a_route_that_is_held_in_every_stage_goes_on_in_it(driver: JoinedChassis
     off: list[float] = []
     for stage in STAGES:
         wait_for(driver, stage)
-        passed = state(driver).passed_points
+        passed = driver.planning_state.passed_points
         held(True)
         driver.world.advance(1.5)
-        assert is_still(driver) and state(driver).move_state == "moving" and state(driver).message
+        assert driver.stays_still() and driver.planning_state.move_state == "moving" and driver.planning_state.message
         held(False)
         driver.world.advance(0.2)
-        assert (state(driver).passed_points, state(driver).message) == (passed, "")
+        assert (driver.planning_state.passed_points, driver.planning_state.message) == (passed, "")
         if passed:
             pose = driver.world.true_pose(ROBOT)
             off.append(off_line(ROUTE, np.array([pose.x, pose.y])))
@@ -133,7 +113,7 @@ def truly_off(driver: JoinedChassis, move: int, route: Any) -> list[float]:
 
     def ended() -> bool | None:
         pose = driver.world.true_pose(ROBOT)
-        if state(driver).passed_points:
+        if driver.planning_state.passed_points:
             off.append(off_line(np.array(route), np.array([pose.x, pose.y])))
         return driver.move(move).state != "moving" or None
 
@@ -151,8 +131,8 @@ def test_with_a_tolerance_a_crate_is_passed_and_without_one_waited_for(driver: J
     assert driver.drive(standard(2.5, 1.5, 0.0)).state == "succeeded"
     move = driver.post(body)
     driver.world.advance(30.0)
-    assert is_still(driver)
-    assert (driver.move(move).state, state(driver).stuck_state) == ("moving", "move_stucked")
+    assert driver.stays_still()
+    assert (driver.move(move).state, driver.planning_state.stuck_state) == ("moving", "move_stucked")
     driver.world.ask(Place(name="crate", pose=Pose2(x=5.0, y=2.6, yaw=0.0), size=(0.5, 0.4, 0.5)))
     assert max(truly_off(driver, move, route)) < 0.05
     assert driver.world.inspect().contact_count == 0

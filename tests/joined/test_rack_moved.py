@@ -84,7 +84,7 @@ def test_what_is_under_the_rack_holds_the_move_only_where_the_setting_says_so(ca
     move = carrying.post(unload(3.0, 0.0, 0.0))
     carrying.world.advance(3.0)
     assert carrying.move(move).state == "moving"
-    assert "under the rack, about (0.0" in carrying.newest(topics.PLANNING_STATE).message
+    assert "under the rack, about (0.0" in carrying.planning_state.message
     assert carrying.world.true_pose(carrying.name).x == pytest.approx(start.x, abs=0.005)
     carrying.world.ask(Remove(name="bin"))
     assert carrying.finish(move).state == "succeeded"

@@ -57,11 +57,11 @@ def drove_out(driver: JoinedChassis, move: int) -> float:
 def test_the_next_move_first_drives_back_out(driver: JoinedChassis) -> None:
     move = driver.post(GOAL)
     driver.world.advance(1.0)
-    state = driver.newest(topics.PLANNING_STATE)
+    state = driver.planning_state
     assert state.flags == ("undocking_charger_or_rack",) and state.move_intent == "undocking_charger_or_rack"
     assert drove_out(driver, move) < -0.8
     assert driver.finish(move).state == "succeeded"
-    assert "undocking_charger_or_rack" not in driver.newest(topics.PLANNING_STATE).flags
+    assert "undocking_charger_or_rack" not in driver.planning_state.flags
     assert driver.world.inspect().contact_count == 0
 
 
@@ -151,6 +151,6 @@ def test_with_the_rack_lifted_nothing_is_undocked(tmp_path: Path) -> None:
         lift(driver, "rack")
         driver.post(standard(2.0, 0.0, 0.0))
         world.advance(1.0)
-        assert driver.newest(topics.PLANNING_STATE).flags == ()
+        assert driver.planning_state.flags == ()
         driver.wait_until_moving()
         assert world.true_pose(driver.name).x > 0.25 and driver.core._motion.load.state is LoadState.CARRYING

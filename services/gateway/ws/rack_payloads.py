@@ -68,7 +68,7 @@ def rack_pose(facts: Facts) -> Pose2 | None:
         return None if load is None else load.rack_pose
     if robot is None:
         return None
-    x, y, yaw = planar.compose(_tuple(robot.pose), _tuple(load.rack_pose))
+    x, y, yaw = planar.compose(planar.as_tuple(robot.pose), planar.as_tuple(load.rack_pose))
     return Pose2(x=x, y=y, yaw=yaw)
 
 
@@ -86,12 +86,8 @@ def _rack_points(facts: Facts, states: RackStates) -> list[RackPointRow]:
 
 
 def _shape(pose: Pose2, spec: RackSpec) -> RackShape:
-    outline = [_rounded(planar.transform(_tuple(pose), x, y)) for x, y in spec.outline().tolist()]
+    outline = [_rounded(planar.transform(planar.as_tuple(pose), x, y)) for x, y in spec.outline().tolist()]
     return RackShape(pose=pose_frame(pose), width=spec.width, depth=spec.depth, outline=outline)
-
-
-def _tuple(pose: Pose2) -> planar.PlanarPose:
-    return pose.x, pose.y, pose.yaw
 
 
 def _rounded(point: tuple[float, float]) -> tuple[float, float]:

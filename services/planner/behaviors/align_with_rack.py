@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 
-from rackhand.schemas.base import Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.maps import PointType, RegionType
 from rackhand.schemas.moves import MoveCreate, PlanningFlag
@@ -187,11 +186,11 @@ class RackDock:
         return DetectedRack(
             stamp=seen.stamp,
             detected=True,
-            pose=_pose2(rack.pose),
+            pose=se2.message(rack.pose),
             width=rack.width,
             depth=rack.depth,
             legs=rack.legs,
-            staging=_pose2(staging),
+            staging=se2.message(staging),
         )
 
     def missing(self, seen: SeenScan, dock: Pose) -> MoveFailed:
@@ -243,7 +242,3 @@ def _between_the_legs(spec: RackSpec) -> Array:
     """The lane under the rack, (4, 2) in the rack's frame."""
     length, half = spec.depth / 2, spec.width / 2 - spec.leg_size
     return np.array([(length, half), (-length, half), (-length, -half), (length, -half)])
-
-
-def _pose2(pose: Pose) -> Pose2:
-    return Pose2(x=float(pose[0]), y=float(pose[1]), yaw=float(pose[2]))

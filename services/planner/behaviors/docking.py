@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rackhand.schemas.base import NANOSECONDS, Pose2
+from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.moves import PlanningFlag
 from rackhand.schemas.racks import DetectedRack
@@ -19,6 +19,7 @@ from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose
 from rackhand.services.planner.control import docking
 from rackhand.services.planner.control.docking import Funnel
 from rackhand.services.planner.control.goal_checker import is_still
+from rackhand.services.planner.control.progress_checker import RestWatch
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose
@@ -33,8 +34,6 @@ STRAIGHT_FROM = 0.4  # m beyond the farthest staging pose, from which on it driv
 ROUNDS = 3  # drives to a staging pose, each refined by what was seen at the one before
 SHIFTED, SHIFTED_YAW = 0.05, 0.05  # off the staging pose driven to, from which on the drive begins anew
 PATIENCE = 15.0  # s without progress on the way onto the dock or off it
-STUCK_AFTER = 4.0  # s
-PROGRESS = 0.01  # m or rad
 TURNED = 0.003  # rad off the axis within which a docked chassis need not turn
 _NO_STAGING = frozenset({Reason.ENDING_POINT_NOT_IN_GROUND, Reason.CALCULATION_FAILED, Reason.NO_GLOBAL_PATH})
 
@@ -156,12 +155,11 @@ class Docking:
         if self._steps is None:
             return Status()
         driving = Status() if self._drive is None else self._drive.status()
-        x, y, yaw = self._view.in_map(self._ctx).tolist()
         return replace(
             driving,
             target=None,
             intent=self._dock.intent,
-            intent_target=Pose2(x=x, y=y, yaw=yaw),
+            intent_target=se2.message(self._view.in_map(self._ctx)),
             remaining_distance=0.0,
             stuck_state="move_stucked" if self._stuck else driving.stuck_state,
             viewport_blocked=self._ctx.vetoed or driving.viewport_blocked,
@@ -239,7 +237,7 @@ class Docking:
     def _drive_on(self) -> Attempt:
         """Onto the dock. If False, ``_why`` says what failed."""
         self._dock.check_place(self._view.in_map(self._ctx))
-        watch = Watch(self._ctx.stamp)
+        watch = RestWatch(self._ctx.stamp)
         while not docking.has_arrived(self._ahead(), self._place.direction):
             if (why := self._trouble(watch)) is not None:
                 self._why = why
@@ -270,7 +268,7 @@ class Docking:
 
     def _back_out(self) -> Steps:
         """Straight back to before the dock. Raises 15 where that is blocked for too long."""
-        watch = Watch(self._ctx.stamp)
+        watch = RestWatch(self._ctx.stamp)
         while (left := self._place.staging[0] - self._before()) > docking.STOP_WITHIN:
             if not self._place.funnel.wider().wider().holds(self._at(), self._place.direction):
                 return  # it was set down elsewhere
@@ -283,7 +281,7 @@ class Docking:
 
     # -- on the way --------------------------------------------------------------------------------------------------
 
-    def _trouble(self, watch: Watch) -> str | None:
+    def _trouble(self, watch: RestWatch) -> str | None:
         """Why to give up this attempt."""
         at, before, ctx = self._at(), self._before(), self._ctx
         self._keep(watch, before)
@@ -296,12 +294,12 @@ class Docking:
             return f"no progress for {standing:.0f} s, {before:.2f} m before the docked pose: {what}"
         return None
 
-    def _keep(self, watch: Watch, left: float) -> None:
+    def _keep(self, watch: RestWatch, left: float) -> None:
         if self._resumed:
             watch.restart(self._ctx.stamp)
             self._resumed = False
         watch.update(self._ctx.stamp, left)
-        self._stuck = watch.standing(self._ctx.stamp) > STUCK_AFTER
+        self._stuck = watch.standing(self._ctx.stamp) > self._ctx.settings.stuck_after
 
     def _obstruction(self) -> str | None:
         seen = self._ctx.seen
@@ -357,25 +355,6 @@ class Docking:
 
     def _since(self, stamp: int) -> float:
         return (self._ctx.stamp - stamp) / NANOSECONDS
-
-
-class Watch:
-    """How long a distance has not changed by ``PROGRESS``."""
-
-    def __init__(self, stamp: int) -> None:
-        self._since = stamp
-        self._at: float | None = None
-
-    def restart(self, stamp: int) -> None:
-        self._since = stamp
-
-    def update(self, stamp: int, left: float) -> None:
-        if self._at is None or abs(left - self._at) > PROGRESS:
-            self._at, self._since = left, stamp
-
-    def standing(self, stamp: int) -> float:
-        """Seconds."""
-        return (stamp - self._since) / NANOSECONDS
 
 
 def _is_news(load: Load | None, known: Load) -> bool:

@@ -22,6 +22,7 @@ from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.behaviors.base import Array, Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.dock_view import DockView
 from rackhand.services.planner.control import docking
+from rackhand.services.planner.control.progress_checker import RestWatch
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose, wrap
@@ -37,7 +38,6 @@ SPEED = 0.3  # m/s
 KEEP = 0.08  # m before an obstacle
 BESIDE = 0.03  # m beside the body that must be free on the way
 ANOTHER_WAY_AFTER = 2.0  # s of being blocked
-STUCK_AFTER = 4.0  # s
 OUT_OF = {LoadState.UNDER_RACK: "from under the rack", LoadState.DOCKED: "off the charger"}
 STAYS = frozenset({"to_unload_point"})  # needs a rack on the jack, and fails before it moves
 
@@ -83,10 +83,9 @@ class Undock:
         self._view = DockView(_axis(ctx))
         self._ways = _ways(ctx, self._spec)
         self._way = self._ways[0]
-        self._moved_at = ctx.stamp
+        self._watch = RestWatch(ctx.stamp)
         self._blocked_since: int | None = None
         self._stuck = False
-        self._at = np.zeros(3)
 
     def step(self, ctx: Context) -> Drive | Done:
         if ctx.seen is not None and self._view.is_new(ctx.seen) and self._spec is not None:
@@ -105,7 +104,8 @@ class Undock:
 
     def resume(self, ctx: Context) -> None:
         self._view.forget()
-        self._moved_at, self._blocked_since = ctx.stamp, None
+        self._watch.restart(ctx.stamp)
+        self._blocked_since = None
 
     def status(self) -> Status:
         return Status(
@@ -130,10 +130,10 @@ class Undock:
 
     def _note_progress(self, ctx: Context, at: Pose) -> None:
         """Raises 15 when there has been none for too long."""
-        if math.hypot(*(at[:2] - self._at[:2])) > 0.01:
-            self._at, self._moved_at, self._blocked_since = at, ctx.stamp, None
-        standing = (ctx.stamp - self._moved_at) / NANOSECONDS
-        self._stuck = standing > STUCK_AFTER
+        if self._watch.update(ctx.stamp, float(at[0]), float(at[1])):
+            self._blocked_since = None
+        standing = self._watch.standing(ctx.stamp)
+        self._stuck = standing > ctx.settings.stuck_after
         if standing > ctx.settings.move_timeout:
             ways = " and ".join("ahead" if way.direction > 0 else "behind" for way in self._ways)
             room = ", ".join(f"{max(self._free(ctx, way.direction), 0.0):.2f} m" for way in self._ways)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from rackhand.schemas.base import NANOSECONDS
@@ -12,6 +13,7 @@ from rackhand.services.planner.settings import NavigationSettings
 
 Phase = Literal["planning", "driving", "rotating", "done"]
 GAIN = 0.05  # m or rad that count as progress
+MOVED = 0.01  # m by which a place must change to count as another
 CRAWL = 0.1  # m/s; a move slower than this on average does not arrive, whatever it gains now and then
 CRAWL_SHARE = 0.2  # of the speed limit, for chassis that may hardly move
 
@@ -69,3 +71,26 @@ class ProgressWatch:
         s = self._settings
         crawl = max(min(CRAWL, CRAWL_SHARE * s.control.max_forward_velocity), 1e-3)
         return max(s.move_timeout, s.planning_timeout) + s.move_timeout + self._longest / crawl
+
+
+class RestWatch:
+    """How long a chassis has been at the same place, on its way onto a dock or off it."""
+
+    def __init__(self, stamp: int) -> None:
+        self._since = stamp
+        self._at: tuple[float, ...] = ()
+
+    def restart(self, stamp: int) -> None:
+        """After a hold: the time it took does not count."""
+        self._since = stamp
+
+    def update(self, stamp: int, *at: float) -> bool:
+        """Whether ``at``, one or more coordinates in metres, is another place than before."""
+        if self._at and math.dist(at, self._at) <= MOVED:
+            return False
+        self._at, self._since = at, stamp
+        return True
+
+    def standing(self, stamp: int) -> float:
+        """Seconds at this place."""
+        return (stamp - self._since) / NANOSECONDS

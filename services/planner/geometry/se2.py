@@ -22,6 +22,15 @@ def pose(value: Pose2) -> Pose:
     return np.array([value.x, value.y, value.yaw])
 
 
+def message(value: Pose) -> Pose2:
+    return Pose2(x=float(value[0]), y=float(value[1]), yaw=float(value[2]))
+
+
+def as_tuple(value: Pose) -> planar.PlanarPose:
+    """As models keep it."""
+    return float(value[0]), float(value[1]), float(value[2])
+
+
 def compose(a: Pose, b: Pose) -> Pose:
     """T_a·T_b: the pose ``b``, given in the frame of ``a``, in the parent frame of ``a``."""
     return np.array(planar.compose(a, b))

@@ -73,14 +73,14 @@ class CarriedRack:
         if load.lifted_pose is None:
             if len(self._measured) < LIFTED_FROM:
                 return Outcome(load)
-            pose = _tuple(_median(self._measured))
+            pose = se2.as_tuple(_median(self._measured))
             return Outcome(load.model_copy(update={"spec": spec, "rack_pose": pose, "lifted_pose": pose}))
         if len(self._measured) < COMPARED:
             return Outcome(load)
         now = _median(list(self._measured)[-COMPARED:])
         away, turned = _difference(now, np.array(load.lifted_pose))
         if away > s.rack_moved_far or turned > s.rack_turned_far:
-            pose = _tuple(now)
+            pose = se2.as_tuple(now)
             update = {"rack_pose": pose, "lifted_pose": pose, "slipped": Slip.SIGNIFICANTLY}
             self._measured.clear()
             return Outcome(load.model_copy(update=update), _moved(away, turned, s))
@@ -88,7 +88,7 @@ class CarriedRack:
             return Outcome(load)
         update = {"slipped": Slip.SLIGHTLY} if load.slipped is Slip.NONE else {}
         if max(*_difference(now, np.array(load.rack_pose))) > TAKEN:
-            update["rack_pose"] = _tuple(now)
+            update["rack_pose"] = se2.as_tuple(now)
         return Outcome(load.model_copy(update=update) if update else load)
 
 
@@ -129,7 +129,3 @@ def _moved(away: float, turned: float, s: NavigationSettings) -> str:
         f"the rack moved on the jack by {away:.3f} m and {math.degrees(turned):.1f} degrees since it was lifted; at "
         f"most {s.rack_moved_far:.2f} m and {math.degrees(s.rack_turned_far):.0f} degrees are allowed"
     )
-
-
-def _tuple(pose: Pose) -> tuple[float, float, float]:
-    return float(pose[0]), float(pose[1]), float(pose[2])

@@ -47,7 +47,7 @@ class LocalCostmap:
         self.racks = RackTracker(static.geometry, settings)
         self.rack_points = RackPoints(static, settings)
         self._velocities: Array = np.empty((0, 2))
-        self._settings = self.settings = settings
+        self.settings = settings
         self._cells: Array = np.empty((0, 2))
         self._standing: Mask = static.blocked
         self._corner = (0, 0)
@@ -72,7 +72,7 @@ class LocalCostmap:
         sensor = compose(chassis, as_pose(scan.sensor))
         self._velocities = self.movers.update(self.observed, sensor[:2], scan.stamp)
         outline = transformed(chassis, footprint.polygon)
-        kinds = self._settings.rack_specs if specs is None else specs
+        kinds = self.settings.rack_specs if specs is None else specs
         view = RackView(self.observed, sensor, chassis, outline, load or Load(), kinds, scan.stamp)
         self.racks.look(view)
         self.rack_points.look(view, self.racks)
@@ -170,7 +170,7 @@ class LocalCostmap:
 
         Racks whose middle is inside one of the convex polygons of ``touchable`` are no more than their hits.
         """
-        s, outlines = self._settings, self._outlines
+        s, outlines = self.settings, self._outlines
         for polygon in touchable:
             outlines = _outside(polygon, outlines)
         points = np.vstack([self._cells, *(rack.rim for rack in outlines)])
@@ -184,7 +184,7 @@ class LocalCostmap:
         return rows
 
     def _within(self, points: Array, pose: Pose) -> Array:
-        near: Array = points[(np.abs(points[:, :2] - pose[:2]) < self._settings.safety_radius).all(axis=1)]
+        near: Array = points[(np.abs(points[:, :2] - pose[:2]) < self.settings.safety_radius).all(axis=1)]
         return near
 
     def speed_limit(self, pose: Pose) -> float:

@@ -18,7 +18,7 @@ from rackhand.services.planner.perception.costmap import cost_bytes
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.perception.pose_filter import PoseFilter
 from rackhand.services.planner.perception.scan_watchdog import ScanWatchdog
-from rackhand.services.planner.perception.seen_scan import SeenScan, points_of
+from rackhand.services.planner.perception.seen_scan import SeenScan, outside, points_of
 from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
@@ -85,11 +85,11 @@ class Perception:
         if footprint is None or self._odometry is None:
             return
         # The scan belongs to the newest odometry or the one before it: odometry has moved by centimetres at most.
-        self._hits = se2.transformed(self._odometry, points_of(scan, self._settings.obstacle_range, footprint))
+        points = points_of(scan, self._settings.obstacle_range, self._body or footprint)
+        self._hits = se2.transformed(self._odometry, outside(points, footprint))
         # In doubt nothing is drawn into the map: it would stay there, at a place where it never was.
         if self.pose is not None and self.costmap is not None and not self._filter.is_doubtful:
             chassis = self._filter.at(scan.stamp)
-            points = points_of(scan, self._settings.obstacle_range, self._body or footprint)
             odometry, sensor = self._filter.odometry_at(scan.stamp), se2.pose(scan.sensor)
             self.seen = SeenScan(scan.stamp, points, chassis, odometry, sensor)
             self.costmap.look(scan, chassis, footprint, self._load, self._settings.rack_specs)

@@ -39,6 +39,10 @@ def points_of(scan: Scan, reach: float, body: Footprint) -> Array:
     angles = scan.angle_min + np.arange(ranges.size) * scan.angle_step
     seen = (ranges > 0.0) & (ranges <= min(scan.range_max, reach))  # False for NaN
     beams = ranges[seen, None] * np.column_stack([np.cos(angles[seen]), np.sin(angles[seen])])
-    points: Array = se2.transformed(se2.pose(scan.sensor), beams)
-    outside = (points @ body.edges[:, :2].T > body.edges[:, 2]).any(axis=1)
-    return points[outside]
+    return outside(se2.transformed(se2.pose(scan.sensor), beams), body)
+
+
+def outside(points: Array, body: Footprint) -> Array:
+    """Those of the points, (n, 2) in the chassis frame, that are no part of the body."""
+    kept: Array = points[(points @ body.edges[:, :2].T > body.edges[:, 2]).any(axis=1)]
+    return kept

@@ -153,6 +153,9 @@ def is_sealed(problem: Problem) -> bool:
     for heading in headings:
         pose = np.array([ends.goal[0], ends.goal[1], wrap(heading)])
         away = Ends(pose, ends.start, True, Margins(general, goal, start))
+        need = needed(pose[0], pose[1], away)
+        if problem.grid.clearance(problem.footprint, pose, need) < need:
+            continue  # nothing begins there, and a search would cost its memory
         if Search(problem._replace(cost=flat, ends=away), POCKET).run(POCKET) != EXHAUSTED:
             return False
     return True

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.faults import FAULTS
+from rackhand.schemas.planar import as_tuple
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Change, InjectFault, MoveObject, MoveRobot, Place, Push, Remove, Restore
 from rackhand.services.sim.actors.movables import Frame, Movables
@@ -290,7 +291,3 @@ def check_pose(pose: Pose2) -> None:
     """Raises ``RequestRefused`` for a place so far off that lengths lose their meaning."""
     if max(abs(pose.x), abs(pose.y)) > FARTHEST or abs(pose.yaw) > FARTHEST:
         raise RequestRefused(RefusalCode.INVALID, f"pose {as_tuple(pose)}: want x, y and yaw within ±{FARTHEST:g}")
-
-
-def as_tuple(pose: Pose2) -> PoseTuple:
-    return pose.x, pose.y, pose.yaw

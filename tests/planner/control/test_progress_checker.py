@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from rackhand.schemas.fail_reasons import MoveFailReason
-from rackhand.services.planner.control.progress_checker import ProgressWatch
+from rackhand.services.planner.control.progress_checker import ProgressWatch, RestWatch
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -81,3 +81,13 @@ def test_a_hold_does_not_count() -> None:
     watch.update(0, "path", 1.0)
     watch.restart(500 * SECOND)
     watch.check(501 * SECOND, "driving", "x")
+
+
+def test_a_place_is_left_after_a_centimetre_and_the_time_of_a_hold_does_not_count() -> None:
+    watch = RestWatch(0)
+    assert watch.update(0, 1.0, 2.0)
+    assert not watch.update(5 * SECOND, 1.004, 2.008)
+    assert watch.standing(5 * SECOND) == 5.0
+    assert watch.update(6 * SECOND, 1.008, 2.008) and watch.standing(6 * SECOND) == 0.0
+    watch.restart(9 * SECOND)
+    assert watch.standing(10 * SECOND) == 1.0

@@ -10,7 +10,7 @@ from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.map.grid import load_map
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
-from rackhand.services.planner.planning.goals import check_goal, check_start
+from rackhand.services.planner.planning.goals import RINGS, Goal, check_goal, check_start, zone_target
 from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
 from tests.planner.plant import BODY, Hall, box
@@ -65,3 +65,13 @@ def test_goal_needs_the_inscribed_circle_and_with_a_heading_the_footprint(costma
     assert failed.text.startswith(text), failed.text
     failed = goal_refused(costmap, Target(5.0, 5.0 + 0.13, None))
     assert failed.text.endswith("by 0.10 m or more"), failed.text
+
+
+def test_a_zone_is_aimed_at_in_its_middle_and_farther_out_where_that_is_asked_for(costmap: LocalCostmap) -> None:
+    goal, pose = Goal(x=2.0, y=2.0, accuracy=0.8, zone=True), np.array([1.0, 2.0, 0.0])
+    assert zone_target(costmap, FOOTPRINT, goal, pose) == Target(2.0, 2.0, None)
+    for ring in (1, RINGS):
+        target = zone_target(costmap, FOOTPRINT, goal, pose, ring)
+        assert target is not None
+        away = 0.95 * 0.8 * ring / RINGS
+        assert (target.x, target.y) == pytest.approx((2.0 - away, 2.0)), "towards the chassis"

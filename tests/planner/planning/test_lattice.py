@@ -85,3 +85,27 @@ def test_no_path_for_the_body_is_exhausted_and_a_budget_cuts_short() -> None:
     turned = ends((1, 2, 0), (4, 2, 1.5))
     assert search(corridor(0.7), turned).run(10**6) == lattice.EXHAUSTED
     assert search(corridor(0.7), turned, budget=20).run(10**6) == lattice.CUT_SHORT
+
+
+def box(inner: float, gap: float = 0.0) -> DistanceGrid:
+    """8 x 4 m with a square of walls around (6, 2), ``inner`` metres wide inside; ``gap``: of its side to the west."""
+    blocked = np.zeros((80, 160), dtype=bool)
+    x, y = (np.arange(160) + 0.5) * 0.05, (np.arange(80) + 0.5) * 0.05
+    away = np.maximum(np.abs(x[None, :] - 6.0), np.abs(y[:, None] - 2.0))
+    blocked[(away > inner / 2) & (away < inner / 2 + 0.1)] = True
+    blocked[(np.abs(y[:, None] - 2.0) < gap / 2) & (x[None, :] < 6.0)] = False
+    return DistanceGrid.of(blocked, Geometry(0.0, 0.0, 0.05, 80, 160))
+
+
+@pytest.mark.parametrize("any_yaw", [True, False])
+def test_a_goal_in_a_box_is_sealed_and_with_a_gap_it_is_not(any_yaw: bool) -> None:
+    between = ends((1.0, 2.0, 0.0), (6.0, 2.0, 0.0), any_yaw)
+    for grid, sealed in ((box(1.0), True), (box(1.0, gap=0.7), False), (box(3.0), False)):  # the last is no pocket
+        problem = Problem(grid, np.zeros(grid.distance.shape, dtype=np.float32), FOOTPRINT, INFLATION, between, 1.3)
+        assert lattice.is_sealed(problem) is sealed
+
+
+def test_a_box_that_the_footprint_does_not_fit_into_is_sealed() -> None:
+    grid, between = box(0.5), ends((1.0, 2.0, 0.0), (6.0, 2.0, 0.0), True)
+    problem = Problem(grid, np.zeros(grid.distance.shape, dtype=np.float32), FOOTPRINT, INFLATION, between, 1.3)
+    assert lattice.is_sealed(problem)
