@@ -56,7 +56,8 @@ def clearance_at(simulation: Simulation, rack: str, item: str) -> float:
     """Metres between the arm and the rack with the cup over the item, in the best of the postures tried; negative if
     there is none."""
     model, data, arm = simulation.model, simulation.data, ik.load_arm("ur5e")
-    over = data.body(item).xpos + (0.0, 0.0, simulation.world.items[item].size[2] / 2 + ABOVE + GRIPPER_LENGTH)
+    over = data.body(item).xpos.copy()
+    over[2] += simulation.world.items[item].size[2] / 2 + ABOVE + GRIPPER_LENGTH
     base, turned = data.body("arm1/base").xpos.copy(), data.body("arm1/base").xmat.reshape(3, 3).copy()
     joints = [model.jnt_qposadr[j] for j in range(model.njnt) if model.joint(j).name.startswith("arm1/")]
     links = [g for g in range(model.ngeom) if model.geom(g).name.startswith("arm1/")]
