@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from pydantic import ValidationError
@@ -56,7 +56,8 @@ def _of_step(step: Step, scenario: Scenario, world: World, placed: set[str]) -> 
 
 def _of_fault(fault: Fault, scenario: Scenario, world: World) -> Iterator[str]:
     kind, target = FAULTS[fault.fault], fault.target or scenario.robot
-    known = {"chassis": world.robots, "rack": world.racks, "lift": world.lifts}[kind.target]
+    things: dict[str, Collection[str]] = {"chassis": world.robots, "rack": world.racks, "lift": world.lifts}
+    known = things[kind.target]
     if target not in known:
         yield f"fault {fault.fault}: {target!r} is no {kind.target} of world {world.name}; known: {sorted(known)}"
     if fault.part is not None and fault.part >= kind.parts:
