@@ -208,7 +208,8 @@ MOTION_STOP = Query("motion/stop", "rackhand/{robot}/motion/stop", "arm", motion
 LIFT = Query("lift/command", "rackhand/{robot}/lift/command", "lift", lift.LiftRequest, lift.LiftState, "driver",
              ("planner", "gateway", "node"), "call a lift, hold its doors, go to a floor, release it")
 WORLD_CONTROL = Query("world/control", "rackhand/world/control", "world", world.WorldRequest, world.WorldReply, "sim",
-                      ("planner", "controller", "node"), "join, pause, advance, speed, reset, place, faults, inspect")
+                      ("planner", "controller", "gateway", "node"),
+                      "join, pause, advance, speed, reset, place, faults, inspect")
 # fmt: on
 
 TOPICS: tuple[Topic[Any], ...] = tuple(row for row in list(globals().values()) if isinstance(row, Topic))

@@ -191,6 +191,21 @@ class Touch(Message):
     last: Stamp
 
 
+class ActiveFault(Message):
+    """A fault that is in force. ``part``: None for all parts of the target."""
+
+    fault: FaultName
+    target: str
+    part: int | None = None
+
+
+class FaultState(Message):
+    """Faults in force, and the names of what can have one, by the kind of target."""
+
+    active: tuple[ActiveFault, ...] = Field(default=(), strict=False)
+    targets: dict[str, tuple[str, ...]] = Field(default_factory=dict, strict=False)
+
+
 class WorldReply(Message):
     """State of the simulation. ``digest`` is a hash over the stamped states since the run began.
 
@@ -206,6 +221,7 @@ class WorldReply(Message):
     touches: tuple[Touch, ...] = Field(default=(), strict=False)
     participants: tuple[str, ...] = Field(strict=False)
     command_stamps: dict[str, int] = Field(description="robot -> stamp that its newest command answers")
+    faults: FaultState = FaultState()
 
 
 class ObjectPose(Message):

@@ -164,6 +164,7 @@ class Session:
             touches=self.simulation.touch_log.rows,
             participants=tuple(sorted(str(service) for service in self.pacer.participants)),
             command_stamps=dict(self.pacer.answers),
+            faults=self.simulation.faults,
         )
 
     def _join(self, join: Join) -> None:

@@ -17,7 +17,7 @@ from rackhand.schemas.motion import ArmCommand, ArmModel
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.schemas.service import WORLD
 from rackhand.schemas.topics import Topic
-from rackhand.schemas.world import Change, ObjectPose, Objects, Scene
+from rackhand.schemas.world import Change, FaultState, ObjectPose, Objects, Scene
 from rackhand.services.sim import physics
 from rackhand.services.sim.actors.movables import Movables
 from rackhand.services.sim.actors.obstacles import Obstacles
@@ -168,6 +168,11 @@ class Simulation:
     def change(self, change: Change) -> None:
         """Change what is in the world. Raises ``RequestRefused``, and has then changed nothing."""
         self._editor.change(change, self.stamp)
+
+    @property
+    def faults(self) -> FaultState:
+        """Those in force, and what can have one."""
+        return self._editor.faults
 
     def arm_model(self, name: str) -> ArmModel:
         """Which arm it is, and where its base frame is."""

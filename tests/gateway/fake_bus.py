@@ -6,6 +6,7 @@ from typing import Any
 
 from rackhand.bus import BusError, Refused
 from rackhand.schemas import topics
+from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.chassis import ChassisRequest, Done, SetControlMode
 from rackhand.schemas.maps import (
     CreateMap,
@@ -24,6 +25,8 @@ from rackhand.schemas.maps import (
 from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveReply, MoveRequest, PauseMove
 from rackhand.schemas.parameters import ParameterChanges, ParametersReply, ParametersRequest, SetParameters
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
+from rackhand.schemas.service import WORLD
+from rackhand.schemas.world import ActiveFault, Clock, FaultState, InjectFault, WorldReply, WorldRequest
 from rackhand.services.planner.parameters import Basis, changed, check, defaults, in_force, ranges
 from rackhand.services.planner.settings import NavigationSettings
 from tests.chassis_models import chassis_model
@@ -47,9 +50,10 @@ class FakeBus:
         self.control_mode = "auto"
         self.basis = Basis(limits=NavigationSettings().for_chassis(chassis_model()).own)
         self.parameters = ParameterChanges()
+        self.faults: tuple[ActiveFault, ...] = ()
 
     async def acall(self, query: topics.Query[Any, Any], request: Any, robot: str, timeout: float) -> Any:
-        assert robot == self.robot
+        assert robot == (WORLD if query is topics.WORLD_CONTROL else self.robot)
         assert timeout > 0
         if self.failure is not None:
             raise self.failure
@@ -67,7 +71,28 @@ class FakeBus:
             case ParametersRequest():
                 assert query is topics.CHASSIS_PARAMETERS
                 return self._parameters(request.request)
+            case WorldRequest():
+                return self._world(request.request)
         raise AssertionError(request)
+
+    def _world(self, request: Any) -> WorldReply:
+        if isinstance(request, InjectFault):
+            if request.target != self.robot:
+                raise Refused(RefusalCode.NOT_FOUND, f"chassis {request.target!r} is not known; known: {self.robot}")
+            fault = ActiveFault(fault=request.fault, target=request.target, part=request.part)
+            self.faults = (fault,) if request.active else ()
+        return WorldReply(
+            clock=Clock(
+                run="run", stamp=0, step_ns=1, speed=1.0, paused=False, lockstep=False, unix_ns=NOW * NANOSECONDS
+            ),
+            seed=0,
+            digest="",
+            contact_count=0,
+            contacts=(),
+            participants=(),
+            command_stamps={},
+            faults=FaultState(active=self.faults, targets={"chassis": (self.robot,)}),
+        )
 
     @property
     def running(self) -> Move | None:

@@ -156,6 +156,43 @@ def test_the_button_cancels_and_the_stop_holds(cell: Cell, watched: Watched) -> 
     assert newest_move(cell)["state"] == "cancelled"
 
 
+def test_a_joint_is_jogged_while_its_button_is_held_and_the_stop_holds(watched: Watched) -> None:
+    page = watched.page
+    expect(page.locator("#arm-state")).to_have_text("at rest")
+    page.locator("#arm summary").click()
+    angle, forward = page.locator("#arm-joints output").first, page.locator("#arm-joints button").nth(1)
+    before = angle.inner_text()
+    forward.hover()
+    page.mouse.down()
+    expect(page.locator("#arm-holder")).to_contain_text("priority 50")
+    expect(angle).not_to_have_text(before)
+    page.mouse.up()
+    expect(page.locator("#arm-holder")).to_have_text("nobody")
+    page.locator("#arm-stop").click()
+    expect(page.locator("#arm-state")).to_have_text("stopped")
+    at_rest = angle.inner_text()
+    forward.hover()
+    page.mouse.down()
+    expect(page.locator("#toast")).to_contain_text("refused")
+    page.mouse.up()
+    assert angle.inner_text() == at_rest
+    page.locator("#arm-stop").click()
+    expect(page.locator("#arm-state")).to_have_text("at rest")
+
+
+def test_a_fault_is_caused_shown_and_cleared(watched: Watched) -> None:
+    page = watched.page
+    page.locator("#fault").select_option("emergency_stop_button")
+    page.locator("#fault-target").select_option("amr1")
+    page.locator("#fault-cause").click()
+    expect(page.locator("#stopped")).to_be_visible()
+    expect(page.locator("#fault-list li")).to_contain_text("amr1")
+    page.locator("#fault-list button").click()
+    expect(page.locator("#fault-list li")).to_have_count(0)
+    expect(page.locator("#stopped")).to_be_hidden()
+    assert watched.errors == []
+
+
 def test_what_is_refused_is_reported(cell: Cell, watched: Watched) -> None:
     page = watched.page
     page.route("**/chassis/moves", lambda route: route.continue_(post_data='{"type": "standard"}'))

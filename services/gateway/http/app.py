@@ -13,7 +13,7 @@ from rackhand.services.gateway.context import BusClient, Shared
 from rackhand.services.gateway.crf import motion
 from rackhand.services.gateway.crf.hub import MotionHub
 from rackhand.services.gateway.fleet import Fleet
-from rackhand.services.gateway.http import docs, errors, health, robots
+from rackhand.services.gateway.http import docs, errors, health, robots, world
 from rackhand.services.gateway.http.methods import AllowedMethods
 from rackhand.services.gateway.http.middleware import AnyMethod, SecretHeader, StrictBody, TrailingSlash
 from rackhand.services.gateway.page import index
@@ -61,6 +61,7 @@ def create_app(fleet: Fleet, bus: BusClient, settings: Settings | None = None) -
         files.router,
         robots.router,
         motion.router,
+        world.router,
     ):
         app.include_router(router)
     app.include_router(health.router)

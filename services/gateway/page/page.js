@@ -1,5 +1,7 @@
 // The page: messages of the WebSocket are kept in `known` and shown; clicks become requests.
+import { findArm } from "./arm.js";
 import { draw, paintMap } from "./draw.js";
+import { Faults } from "./faults.js";
 import { Drive, listenToMap } from "./gestures.js";
 import { at, complain, showState, showCursor, showHealth, showLink, showMoves, showRobot } from "./panel.js";
 import { RackJobs } from "./racks.js";
@@ -21,6 +23,8 @@ const view = new View(at("map"));
 const known = { trail: [] };
 const jobs = new RackJobs(command, changed);
 const route = new Route(command, changed);
+const faults = new Faults(command);
+const arms = {};
 let colours = readColours();
 let aim = null;
 let redraw = false;
@@ -110,7 +114,10 @@ async function loadBody() {
 
 async function loadHealth() {
   const { answer } = await ask("GET", "/healthz").catch(() => ({}));
-  showHealth(answer?.services ? answer : null);
+  const health = answer?.services ? answer : null;
+  showHealth(health);
+  findArm(health, arms);
+  faults.load();
 }
 
 async function command(method, path, body) {
@@ -164,7 +171,7 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
 });
 new ResizeObserver(changed).observe(view.canvas);
 
-const wire = new Wire(receive, link);
+const wire = new Wire("/ws/v2/topics", { enable_topic: Object.keys(TOPICS) }, receive, link);
 const drive = new Drive(at("pad"), () => known.wheels?.control_mode === "remote", (twist) => wire.send(twist));
 setInterval(loadHealth, HEALTH_PERIOD);
 loadHealth();

@@ -6,12 +6,12 @@ const LOADS = { under_rack: "warn", carrying: "busy", docked: "good" };
 const TOAST = 8000; // ms
 
 export const at = (id) => document.getElementById(id);
-const show = (id, text) => { if (at(id).textContent !== text) at(id).textContent = text; };
-const hide = (id, hidden) => { if (at(id).hidden !== hidden) at(id).hidden = hidden; };
+export const show = (id, text) => { if (at(id).textContent !== text) at(id).textContent = text; };
+export const hide = (id, hidden) => { if (at(id).hidden !== hidden) at(id).hidden = hidden; };
 const dress = (id, look) => { if (at(id).className !== look) at(id).className = look; };
-const badge = (id, text, look = "") => { show(id, text); dress(id, `badge ${look}`.trim()); };
+export const badge = (id, text, look = "") => { show(id, text); dress(id, `badge ${look}`.trim()); };
 
-const number = (value, digits) => (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits);
+export const number = (value, digits) => (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits);
 const degrees = (radians) => `${number((radians * 180) / Math.PI, 0)}°`;
 const place = ({ pos, ori }) => `${number(pos[0], 2)}, ${number(pos[1], 2)} m · ${degrees(ori)}`;
 const words = (name) => name.replaceAll("_", " ");
@@ -116,13 +116,13 @@ export function complain(what) {
   if (what) toast = setTimeout(complain, TOAST, "");
 }
 
-function fill(id, rows) {
+export function fill(id, rows) {
   const list = at(id);
   if (list.children.length === rows.length && rows.every((item, i) => item.isEqualNode(list.children[i]))) return;
   list.replaceChildren(...rows);
 }
 
-function row(parts, look = "") {
+export function row(parts, look = "") {
   const item = document.createElement("li");
   item.append(...parts);
   if (look) item.className = look;
@@ -135,7 +135,7 @@ function light(look) {
   return lamp;
 }
 
-function text(words, kind = "span") {
+export function text(words, kind = "span") {
   const part = document.createElement(kind);
   part.textContent = words;
   return part;

@@ -9,26 +9,27 @@ export const TOPICS = {
 const RECONNECT = 1000; // ms
 const secret = new URLSearchParams(location.search).get("secret");
 
-// A WebSocket that comes back by itself. `onMessage` gets every frame with a topic, `onLink` whether it is connected.
+// The URL of a WebSocket of the gateway.
+function socketUrl(path) {
+  const query = secret ? `?secret=${encodeURIComponent(secret)}` : "";
+  return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${path}${query}`;
+}
+
+// A WebSocket that comes back by itself, and sends `hello` first each time. `onMessage` gets every frame, `onLink` whether
+// it is connected.
 export class Wire {
-  constructor(onMessage, onLink) {
-    this.onMessage = onMessage;
-    this.onLink = onLink;
+  constructor(path, hello, onMessage, onLink) {
+    Object.assign(this, { path, hello, onMessage, onLink });
     this.connect();
   }
 
   connect() {
-    const query = secret ? `?secret=${encodeURIComponent(secret)}` : "";
-    const scheme = location.protocol === "https:" ? "wss" : "ws";
-    this.socket = new WebSocket(`${scheme}://${location.host}/ws/v2/topics${query}`);
+    this.socket = new WebSocket(socketUrl(this.path));
     this.socket.onopen = () => {
       this.onLink(true);
-      this.send({ enable_topic: Object.keys(TOPICS) });
+      this.send(this.hello);
     };
-    this.socket.onmessage = ({ data }) => {
-      const message = JSON.parse(data);
-      if (message.topic) this.onMessage(message);
-    };
+    this.socket.onmessage = ({ data }) => this.onMessage(JSON.parse(data));
     this.socket.onclose = () => {
       this.onLink(false);
       setTimeout(() => this.connect(), RECONNECT);

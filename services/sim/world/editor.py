@@ -16,7 +16,18 @@ from rackhand.schemas.base import Pose2
 from rackhand.schemas.faults import FAULTS
 from rackhand.schemas.planar import as_tuple
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
-from rackhand.schemas.world import Change, InjectFault, MoveObject, MoveRobot, Place, Push, Remove, Restore
+from rackhand.schemas.world import (
+    ActiveFault,
+    Change,
+    FaultState,
+    InjectFault,
+    MoveObject,
+    MoveRobot,
+    Place,
+    Push,
+    Remove,
+    Restore,
+)
 from rackhand.services.sim.actors.movables import Frame, Movables
 from rackhand.services.sim.actors.obstacles import PERSON_SIZE, Obstacles
 from rackhand.services.sim.actors.walkers import Walker, make_route
@@ -63,6 +74,15 @@ class Editor:
         self._obstacles, self._movables = things.obstacles, things.movables
         self._owner, self._controls, self._touch_log = owner, controls, touch_log
         self._solid = np.flatnonzero(model.geom_contype & SOLID_BITS)
+        self._active: dict[tuple[str, str, int | None], ActiveFault] = {}
+
+    @property
+    def faults(self) -> FaultState:
+        targets = {"chassis": self._robots, "rack": self._world.racks, "lift": self._lifts}
+        return FaultState(
+            active=tuple(self._active.values()),
+            targets={kind: tuple(named) for kind, named in targets.items()},
+        )
 
     def change(self, change: Change, stamp: int) -> None:
         """Raises ``RequestRefused``, and has then changed nothing."""
@@ -87,6 +107,7 @@ class Editor:
                 self._push(change)
             case InjectFault():
                 self._inject(change, stamp)
+                self._note(change)
 
     # -- obstacles and robots ----------------------------------------------------------------------------------------
 
@@ -232,6 +253,15 @@ class Editor:
             faults.add(fault.fault)
         else:
             faults.discard(fault.fault)
+
+    def _note(self, fault: InjectFault) -> None:
+        """Clearing a fault of all parts clears it of each."""
+        for key in [key for key in self._active if key[:2] == (fault.fault, fault.target)]:
+            if fault.part in (None, key[2]):
+                del self._active[key]
+        if fault.active:
+            key = (fault.fault, fault.target, fault.part)
+            self._active[key] = ActiveFault(fault=fault.fault, target=fault.target, part=fault.part)
 
     # -- checks ------------------------------------------------------------------------------------------------------
 

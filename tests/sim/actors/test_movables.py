@@ -169,6 +169,9 @@ def test_a_hidden_leg_is_not_seen_but_touched() -> None:
     other = (2 - 0.4 * math.cos(0.3) - 0.4 * math.sin(0.3), -0.4 * math.sin(0.3) + 0.4 * math.cos(0.3))
     assert near(seen(simulation), *leg) and near(seen(simulation), *other)
     simulation.change(InjectFault(target="rack_1", fault="leg_hidden", part=3))
+    assert [(fault.fault, fault.target, fault.part) for fault in simulation.faults.active] == [
+        ("leg_hidden", "rack_1", 3)
+    ]
     assert not near(seen(simulation), *leg) and near(seen(simulation), *other)
     simulation.change(InjectFault(target="rack_1", fault="leg_hidden"))
     assert not near(seen(simulation), *other)
@@ -177,6 +180,8 @@ def test_a_hidden_leg_is_not_seen_but_touched() -> None:
     assert [c.other for c in simulation.contact_log.rows][:1] == ["rack_1"]
     simulation.change(MoveObject(name="rack_1", pose=at(2, -2, 0.3)))
     simulation.change(InjectFault(target="rack_1", fault="leg_hidden", active=False))
+    assert simulation.faults.active == ()
+    assert "rack_1" in simulation.faults.targets["rack"]
     simulation.change(MoveRobot(robot="amr1", pose=at(0.0, 0.0)))
     assert near(seen(simulation), other[0], other[1] - 2)
 
