@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.goals import chosen_goals, drive_to, warehouse
 
-PARTS = ((0, 7), (3, 11), (6, 15))  # each a test of its own, from the start
+PARTS = ((0, 2, 4), (1, 3, 5))  # each a test of its own, from the start
 
 
 @pytest.mark.parametrize("numbers", PARTS)
