@@ -9,6 +9,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 ARGS   ?=
+PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
 
 .PHONY: run test lint docs bench clean
 
@@ -42,17 +43,20 @@ clean:
 # Stamps: which set of dependencies the environment holds, as of which pyproject.toml.
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml
 	@echo "rackhand: installing what the cell needs into $(VENV) (once; a minute or two)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@$(PIP) .
+	@$(BIN)/rackhand prepare
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/bin/python pyproject.toml
 	@echo "rackhand: installing the cell and its test tools into $(VENV) (once; a minute or two)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(PIP) '.[dev]'
+	@$(BIN)/rackhand prepare
 	@touch $@ $(VENV)/.run
 
 $(VENV)/.bench: $(VENV)/bin/python pyproject.toml
 	@echo "rackhand: installing the cell, its test tools and the libraries to measure against into $(VENV) (once; a few minutes)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@$(PIP) '.[bench]'
+	@$(BIN)/rackhand prepare
 	@touch $@ $(VENV)/.dev $(VENV)/.run
 
 $(VENV)/bin/python:

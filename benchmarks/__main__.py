@@ -7,6 +7,8 @@ import importlib
 import re
 from pathlib import Path
 
+from benchmarks.progress import shown
+
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 NAMES = (
     "align",
@@ -49,7 +51,8 @@ def main() -> None:
     for name in arguments.names or NAMES:
         module = importlib.import_module(f"benchmarks.{name}")
         given = {key: value for key in ("data", "worlds", "results") if (value := getattr(arguments, key)) is not None}
-        text = (module.run(module.Options(**given)) if name == "barn" else module.run()).markdown()
+        with shown(name):
+            text = (module.run(module.Options(**given)) if name == "barn" else module.run()).markdown()
         print(text, flush=True)
         if arguments.write:
             write_section(text)
