@@ -55,13 +55,9 @@ def main() -> None:
         parser.error(f"no benchmark {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
     for name in arguments.names or NAMES:
         module = importlib.import_module(f"benchmarks.{name}")
-<<<<<<< HEAD
-        given = {key: value for key in ("data", "worlds", "results") if (value := getattr(arguments, key)) is not None}
         with shown(name):
-            text = (module.run(module.Options(**given)) if name == "barn" else module.run()).markdown()
-=======
-        text = (module.run(_options(module, arguments)) if hasattr(module, "Options") else module.run()).markdown()
->>>>>>> main
+            report = module.run(_options(module, arguments)) if hasattr(module, "Options") else module.run()
+        text = report.markdown()
         print(text, flush=True)
         if arguments.write:
             write_section(text)
