@@ -415,7 +415,8 @@ class Chassis:
 
     def _report(self) -> None:
         move, running, status = self._book.last, self._motion.move, self._status
-        self._reports.planning(planning_state(self._stamp, self._maps.current, move, running, status, self._distance))
+        current, in_lift = self._maps.current, self._motion.is_in_lift
+        self._reports.planning(planning_state(self._stamp, current, move, running, status, self._distance, in_lift))
         self._reports.path(self._stamp, self._status)
         self._reports.footprint(self._stamp, self._motion.footprint, self.parameters.values.footprint_expansion)
         self._reports.load(self._stamp, self._motion.load)
