@@ -1,4 +1,4 @@
-"""Runs what README, tutorial and other pages show on a cell of its own, with free ports in place of the printed ones."""
+"""Runs what README, tutorial and other pages show on a cell of its own, on free ports."""
 
 from __future__ import annotations
 
