@@ -82,7 +82,8 @@ def main(
             _prepare(kept, map_directory)
             with logged_progress(log):
                 warm_up(navigation)
-            chassis = Chassis(Motion(navigation, planning), kept.moves, kept.maps, kept.parameters, settings, kept.load)
+            motion = Motion(navigation, planning)
+            chassis = Chassis(motion, kept.moves, kept.maps, kept.parameters, settings, kept.load, kept.explanations)
             with Bus(ServiceId("planner", robot)) as bus:
                 bus.handle_signals()
                 freeze_gc()
