@@ -81,7 +81,8 @@ def main(
             _prepare(kept, map_directory)
             log.info("loading compiled code; the first start compiles it, which takes minutes")
             warm_up(navigation)
-            chassis = Chassis(Motion(navigation, planning), kept.moves, kept.maps, kept.parameters, settings, kept.load)
+            motion = Motion(navigation, planning)
+            chassis = Chassis(motion, kept.moves, kept.maps, kept.parameters, settings, kept.load, kept.explanations)
             with Bus(ServiceId("planner", robot)) as bus:
                 bus.handle_signals()
                 freeze_gc()
