@@ -19,6 +19,8 @@ NAMES = (
     "encounters",
     "first_motion",
     "follow",
+    "goals",
+    "random_goals",
     "planning",
     "planner_tick",
     "rack_jobs",
@@ -45,8 +47,11 @@ def main() -> None:
     some.add_argument("--data", type=Path, help="barn: file of the worlds (those of the repository if none is named)")
     some.add_argument("--worlds", type=int, help="barn: drive so many of them, evenly spread (all if none is named)")
     some.add_argument("--count", type=int, help="encounters: so many of them, from the first on (200 if none is named)")
+    some.add_argument("--minutes", type=int, help="random_goals: so many of simulation (120 if none is named)")
     some.add_argument(
-        "--results", type=Path, help="barn, encounters: file from which a run goes on (NAME-results.jsonl)"
+        "--results",
+        type=Path,
+        help="barn, encounters, random_goals: file from which a run goes on (NAME-results.jsonl)",
     )
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - set(NAMES):
