@@ -8,6 +8,7 @@ from rackhand.bus import BusError, Refused
 from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.chassis import ChassisRequest, Done, SetControlMode
+from rackhand.schemas.explain import ExplainMove, ExplainReply, Explanation
 from rackhand.schemas.maps import (
     CreateMap,
     DeleteMap,
@@ -30,6 +31,7 @@ from rackhand.schemas.world import ActiveFault, Clock, FaultState, InjectFault, 
 from rackhand.services.planner.parameters import Basis, changed, check, defaults, in_force, ranges
 from rackhand.services.planner.settings import NavigationSettings
 from tests.chassis_models import chassis_model
+from tests.gateway.explanations import explanation
 
 NOW = 1_746_684_372
 WITHOUT_TARGET = ("follow_target", "charge")
@@ -45,6 +47,7 @@ class FakeBus:
         self.requests: list[Any] = []
         self.moves: dict[int, Move] = {}
         self.pauses: list[PauseMove] = []
+        self.explained = explanation()
         self.maps: dict[int, MapData] = {}
         self.current_map: MapData | None = None
         self.control_mode = "auto"
@@ -57,6 +60,8 @@ class FakeBus:
         assert timeout > 0
         if self.failure is not None:
             raise self.failure
+        if isinstance(request, ExplainMove):
+            return ExplainReply(explanation=self._explain(request))
         self.requests.append(request.request)
         match request:
             case MoveRequest():
@@ -93,6 +98,12 @@ class FakeBus:
             command_stamps={},
             faults=FaultState(active=self.faults, targets={"chassis": (self.robot,)}),
         )
+
+    def _explain(self, request: ExplainMove) -> Explanation:
+        """``explained`` of a move that is there."""
+        if request.id not in self.moves:
+            raise Refused(RefusalCode.NOT_FOUND, f"there is no move {request.id}")
+        return self.explained.model_copy(update={"move": self.moves[request.id]})
 
     @property
     def running(self) -> Move | None:

@@ -135,6 +135,7 @@ function link(connected) {
 listenToMap(view, {
   onAim: (now) => { aim = now; changed(); },
   onGo: ({ pos: [x, y], ori }) => {
+    if (faults.put([x, y], ori)) return;
     if (route.add([x, y])) return;
     if (ori === undefined && jobs.choose([x, y])) {
       changed();
