@@ -19,7 +19,7 @@ router = APIRouter(prefix="/world", tags=["world"])
 
 
 class FaultRow(BaseModel):
-    """A fault that the simulator can cause. ``targets``: what can have it, empty where a name is given to a new obstacle.
+    """A fault that the simulator can cause. ``targets``: what can have it, none where it is a new obstacle.
 
     ``parts``: how many parts of a target can have it. ``pose``: that it needs one in the map (``at``), or a shift in
     the target's own frame.

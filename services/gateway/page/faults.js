@@ -40,11 +40,12 @@ export class Faults {
 
   async change(body) {
     await this.order("POST", "/world/faults", body);
-    await this.load();
   }
 
-  async load() {
-    const { ok, answer } = await ask("GET", "/world/faults").catch(() => ({}));
+  // Where there is a simulator, by the services' health.
+  async load(health) {
+    const simulated = health?.services.some(({ service, status }) => service === "sim" && status === "up");
+    const { ok, answer } = simulated ? await ask("GET", "/world/faults").catch(() => ({})) : {};
     hide("faults", !ok);
     if (!ok) return;
     if (JSON.stringify(this.kinds) !== JSON.stringify(answer)) this.show(answer);

@@ -117,7 +117,7 @@ async function loadHealth() {
   const health = answer?.services ? answer : null;
   showHealth(health);
   findArm(health, arms);
-  faults.load();
+  faults.load(health);
 }
 
 async function command(method, path, body) {
