@@ -7,6 +7,7 @@ const STREAM = { command: "startStreamStatus", frequency: 5 };
 const JOG = 0.25; // rad/s
 const JOG_PERIOD = 50; // ms
 const DEADMAN = 0.25; // s after which the arm stops when no velocity comes
+const USUAL = new Set([600, 602, 610]); // powered on, idle, calibrated
 const NAMES = { 403: "Forbidden", 802: "Contact or tracking error", 804: "End of the workspace", 603: "The driver does not follow" };
 
 export class Arm {
@@ -42,7 +43,7 @@ export class Arm {
 
   show({ holder, stoppedBy, isTrajectoryRunning, controllerStatus, jointPositions, gripper }) {
     this.stopped = Boolean(stoppedBy);
-    const faults = controllerStatus.filter((code) => code >= 400).map((code) => `${code} ${NAMES[code] ?? ""}`.trim());
+    const faults = controllerStatus.filter((code) => code >= 400 && !USUAL.has(code)).map((code) => `${code} ${NAMES[code] ?? ""}`.trim());
     const running = isTrajectoryRunning?.value;
     if (this.stopped) badge("arm-state", "stopped", "bad");
     else if (faults.length) badge("arm-state", "fault", "bad");
