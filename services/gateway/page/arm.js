@@ -8,7 +8,7 @@ const JOG = 0.25; // rad/s
 const JOG_PERIOD = 50; // ms
 const DEADMAN = 0.25; // s after which the arm stops when no velocity comes
 const USUAL = new Set([600, 602, 610]); // powered on, idle, calibrated
-const NAMES = { 403: "Forbidden", 802: "Contact or tracking error", 804: "End of the workspace", 603: "The driver does not follow" };
+const NAMES = { 800: "Control loop late", 801: "Near a singularity", 802: "Contact or tracking error", 804: "End of the workspace", 603: "The driver does not follow" };
 
 export class Arm {
   constructor(name) {
@@ -46,8 +46,7 @@ export class Arm {
     const faults = controllerStatus.filter((code) => code >= 400 && !USUAL.has(code)).map((code) => `${code} ${NAMES[code] ?? ""}`.trim());
     const running = isTrajectoryRunning?.value;
     if (this.stopped) badge("arm-state", "stopped", "bad");
-    else if (faults.length) badge("arm-state", "fault", "bad");
-    else badge("arm-state", running ? "on a path" : "at rest", running ? "busy" : "good");
+    else badge("arm-state", running ? "on a path" : "at rest", faults.length ? "warn" : running ? "busy" : "good");
     show("arm-holder", holder ? `${holder.client} · priority ${holder.priority}` : "nobody");
     show("arm-faults", stoppedBy ? `stopped by ${stoppedBy}` : faults.join(", ") || "none");
     show("arm-stop", this.stopped ? "Release the stop" : "Soft stop");
