@@ -173,7 +173,7 @@ def test_a_joint_is_jogged_while_its_button_is_held_and_the_stop_holds(watched: 
     at_rest = angle.inner_text()
     forward.hover()
     page.mouse.down()
-    expect(page.locator("#toast")).to_contain_text("refused")
+    expect(page.locator("#toast")).to_contain_text("release the stop first")
     page.mouse.up()
     assert angle.inner_text() == at_rest
     page.locator("#arm-stop").click()

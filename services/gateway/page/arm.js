@@ -89,6 +89,10 @@ export class Arm {
 
   hold(joint, sign) {
     this.release();
+    if (this.stopped) { // a velocity of the client that stopped the arm would end the stop
+      complain(`${this.name} is stopped: release the stop first.`);
+      return;
+    }
     this.jog = setInterval(() => this.move(joint, sign * JOG), JOG_PERIOD);
     this.move(joint, sign * JOG);
   }
