@@ -10,6 +10,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from benchmarks.progress import shown
+
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 NAMES = (
     "align",
@@ -58,7 +60,9 @@ def main() -> None:
         parser.error(f"no benchmark {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
     for name in arguments.names or NAMES:
         module = importlib.import_module(f"benchmarks.{name}")
-        text = (module.run(_options(module, arguments)) if hasattr(module, "Options") else module.run()).markdown()
+        with shown(name):
+            report = module.run(_options(module, arguments)) if hasattr(module, "Options") else module.run()
+        text = report.markdown()
         print(text, flush=True)
         if arguments.write:
             write_section(text)
