@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.cell import Cell
+from rackhand.testing import Cell
 
 ROOT = Path(__file__).parents[2]
-MARK = re.compile(r"^<!-- ci: (?P<what>[^;>]+?)(?:; expect: (?P<expect>.+?))? -->$")
+MARK = re.compile(r"^<!-- (?:ci|include): (?P<what>[^;>]+?)(?:; expect: (?P<expect>.+?))? -->$")
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ def test_every_block_is_marked() -> None:
 
 
 def test_blocks_said_to_be_run_elsewhere_are() -> None:
-    for block in README:
-        if block.what not in ("run", "start"):
+    for block in README + PAGES:
+        if block.what not in ("", "run", "start"):
             assert block.text in (ROOT / block.what).read_text(encoding="utf-8"), f"{block.what} lacks {block.text}"
 
 
@@ -78,6 +78,8 @@ class MakeRun(Cell):
     def command(self) -> list[str]:
         return [
             "make",
+            "--directory",
+            str(ROOT),
             "run",
             "ARGS=" + " ".join(["--port 0 --bus-port 0 --viewer-port 0 --speed max --state-dir", str(self.state_dir)]),
         ]

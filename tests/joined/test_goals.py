@@ -19,8 +19,9 @@ from scipy.ndimage import distance_transform_edt
 from rackhand import worlds
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.world import Place
+from rackhand.testing import distance, turn
 from tests.joined.world import JoinedWorld
-from tests.system.judge import distance, standard, turn
+from tests.system.driving import standard
 
 CRATES = {"crate_1": (9.4, 7.1), "crate_2": (14.3, 9.6)}
 SEED, GOALS = 20, 20

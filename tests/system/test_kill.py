@@ -10,15 +10,14 @@ import pytest
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.world import Reset
-from tests.system.cell import Cell
-from tests.system.driving import Driver
-from tests.system.judge import Judge, distance, standard
+from rackhand.testing import Cell, Judge, distance
+from tests.system.driving import Driver, standard
 
 
 @pytest.fixture
 def driver(tmp_path: Path) -> Iterator[Driver]:
     """Real time, as on a robot: what is killed leaves the others running."""
-    with Cell(tmp_path, "--speed", "1") as cell, Judge(cell.bus) as judge:
+    with Cell(tmp_path, lockstep=False) as cell, Judge(cell.bus) as judge:
         driver = Driver(cell, judge)
         yield driver
         driver.close()
