@@ -15,11 +15,11 @@ ARGS   ?=
 run: $(VENV)/.run
 	@exec $(BIN)/rackhand up $(ARGS)
 
-# Cells are several processes each and have the machine to themselves; what needs none is tested on all cores first.
+# What needs no processes is tested first. Cells are several processes each that mostly wait for each other: two at a time.
 test: $(VENV)/.dev
 ifeq ($(strip $(ARGS)),)
 	@$(BIN)/pytest -m "not system" --numprocesses logical
-	@$(BIN)/pytest -m system
+	@$(BIN)/pytest -m system --numprocesses 2 --dist loadfile
 else
 	@$(BIN)/pytest $(ARGS)
 endif

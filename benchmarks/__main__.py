@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import importlib
 import re
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 NAMES = (
@@ -13,6 +16,7 @@ NAMES = (
     "barn",
     "bus",
     "cell",
+    "encounters",
     "first_motion",
     "follow",
     "planning",
@@ -37,22 +41,29 @@ def main() -> None:
     )
     parser.add_argument("names", nargs="*", help=f"which: {', '.join(NAMES)} (all if none is named)")
     parser.add_argument("--write", action="store_true", help=f"replace these sections of docs/{PAGE.name}")
-    barn = parser.add_argument_group("barn")
-    barn.add_argument("--data", type=Path, help="file of the worlds (those of the repository if none is named)")
-    barn.add_argument("--worlds", type=int, help="drive so many of them, evenly spread (all if none is named)")
-    barn.add_argument(
-        "--results", type=Path, help="file from which a run goes on (barn-results.jsonl); a plot beside it"
+    some = parser.add_argument_group("benchmarks that take long")
+    some.add_argument("--data", type=Path, help="barn: file of the worlds (those of the repository if none is named)")
+    some.add_argument("--worlds", type=int, help="barn: drive so many of them, evenly spread (all if none is named)")
+    some.add_argument("--count", type=int, help="encounters: so many of them, from the first on (200 if none is named)")
+    some.add_argument(
+        "--results", type=Path, help="barn, encounters: file from which a run goes on (NAME-results.jsonl)"
     )
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - set(NAMES):
         parser.error(f"no benchmark {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
     for name in arguments.names or NAMES:
         module = importlib.import_module(f"benchmarks.{name}")
-        given = {key: value for key in ("data", "worlds", "results") if (value := getattr(arguments, key)) is not None}
-        text = (module.run(module.Options(**given)) if name == "barn" else module.run()).markdown()
+        text = (module.run(_options(module, arguments)) if hasattr(module, "Options") else module.run()).markdown()
         print(text, flush=True)
         if arguments.write:
             write_section(text)
+
+
+def _options(module: ModuleType, arguments: argparse.Namespace) -> Any:
+    """The module's ``Options`` with what was given of them."""
+    names = [field.name for field in dataclasses.fields(module.Options)]
+    given = {name: value for name in names if (value := getattr(arguments, name, None)) is not None}
+    return module.Options(**given)
 
 
 def write_section(text: str) -> None:

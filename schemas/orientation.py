@@ -57,8 +57,9 @@ CrfFloat = Annotated[float, _CrfNumber()]
 CrfVec3 = Annotated[tuple[CrfFloat, CrfFloat, CrfFloat], Strict(False)]
 CrfVec6 = Annotated[tuple[CrfFloat, CrfFloat, CrfFloat, CrfFloat, CrfFloat, CrfFloat], Strict(False)]
 
-TOLERANCE = 1e-6
-"""How far a quaternion or a matrix may be from a rotation: CRF's 1e-12 refuses ordinary rounded input."""
+TOLERANCE = 2e-3
+"""How far a quaternion, an axis or a matrix may be from a rotation; the nearest rotation is taken. CRF's 1e-12 refuses
+ordinary rounded input, and clients send three or four digits."""
 
 
 class Representation(IntEnum):

@@ -79,6 +79,17 @@ def arm_mjcf(kind: str) -> Path:
     return path
 
 
+def with_arm_kind(world: World, kind: str | None) -> World:
+    """The world with every arm of that kind, at its home where the kind is another; unchanged for None."""
+    if kind is None:
+        return world
+    arms = {
+        name: place if place.kind == kind else place.model_copy(update={"kind": kind, "home": None})
+        for name, place in world.arms.items()
+    }
+    return world.model_copy(update={"arms": arms})
+
+
 def load_arm_descriptions(world: World) -> dict[str, ArmDescription]:
     """Arm → its description. Raises ``WorldFileError``."""
     descriptions = {}

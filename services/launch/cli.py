@@ -62,6 +62,7 @@ def _speed(text: str) -> float | None:
         "rackhand up --world empty --speed max",
         "rackhand up --lockstep --seed 7",
         "rackhand up --world pick_station --crf-port 5000",
+        "rackhand up --world pick_station --arm fr3",
         "rackhand up --world empty --no-sim --robot amr1    # then start its driver, as examples/01_hardware_driver.py",
         "rackhand up --robot-profile jackal --port 8091 --bus-port 7448 --viewer-port 9091 --state-dir var/second",
     )
@@ -101,6 +102,9 @@ def up(
     robot_profile: Annotated[
         str | None, typer.Option(help="chassis profile of amr1, such as longjack or jackal; default: that of the world")
     ] = DEFAULTS.profile,
+    arm: Annotated[
+        str | None, typer.Option(help="kind of every arm, such as ur5e or fr3; default: that of the world")
+    ] = DEFAULTS.arm,
     state_dir: Annotated[
         Path, typer.Option(help="folder for data that is kept between runs: moves, maps")
     ] = DEFAULTS.state_dir,
@@ -126,6 +130,7 @@ def up(
         bus=Address(DEFAULTS.bus.host, bus_port),
         crf_port=crf_port,
         profile=robot_profile,
+        arm=arm,
         viewer=Address(DEFAULT_VIEWER.host, viewer_port) if viewer else None,
         state_dir=state_dir,
         robots=tuple(robot or ()),

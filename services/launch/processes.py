@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rackhand.schemas.service import DRIVER
+from rackhand.worlds.arm_model import load_arm_descriptions, with_arm_kind
 from rackhand.worlds.data import WorldFileError
 from rackhand.worlds.world_model import World, load_world, world_directory
 
@@ -57,11 +58,11 @@ class Process:
 class CellOptions:
     """The options of ``rackhand up``. ``speed`` None is as fast as possible; ``world`` is a name or a folder.
 
-    ``seed`` and ``profile`` are the world's own where None. ``crf_port`` is for CRF's packet framing to the first arm,
-    the next ports are for the next arms; where each arm listens in the end is in ``crf``. ``viewer`` is where the live
-    view's page is, None for no live view; its data come from ``viewer_data``. ``robots`` are those of the world's
-    chassis and arms that the cell serves, all of them if none is named. Without ``sim``, something else drives them:
-    each needs a driver on the bus.
+    ``seed``, ``profile`` and ``arm`` (the kind of every arm) are the world's own where None. ``crf_port`` is for CRF's
+    packet framing to the first arm, the next ports are for the next arms; where each arm listens in the end is in
+    ``crf``. ``viewer`` is where the live view's page is, None for no live view; its data come from ``viewer_data``.
+    ``robots`` are those of the world's chassis and arms that the cell serves, all of them if none is named. Without
+    ``sim``, something else drives them: each needs a driver on the bus.
     """
 
     world: str = "warehouse"
@@ -73,6 +74,7 @@ class CellOptions:
     crf_port: int | None = None
     crf: Mapping[str, Address] = field(default_factory=dict)
     profile: str | None = None
+    arm: str | None = None
     viewer: Address | None = Address("127.0.0.1", 9090)
     viewer_data: Address = Address("127.0.0.1", 9876)
     state_dir: Path = Path("var")
@@ -138,7 +140,8 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
 
 def served_world(options: CellOptions) -> World:
     """The world with the robots that the cell serves. Raises ``WorldFileError``."""
-    world = load_world(options.world)
+    world = with_arm_kind(load_world(options.world), options.arm)
+    load_arm_descriptions(world)
     if not options.robots:
         return world
     if unknown := sorted(set(options.robots) - {*world.robots, *world.arms}):
@@ -189,6 +192,8 @@ def _sim_arguments(options: CellOptions, world: World) -> tuple[str, ...]:
         arguments.append("--lockstep")
     if options.profile:
         arguments += ["--robot-profile", options.profile]
+    if options.arm:
+        arguments += ["--arm", options.arm]
     return tuple(arguments)
 
 

@@ -19,6 +19,7 @@ from rackhand.services.sim.service import SimService
 from rackhand.services.sim.session import Run, Session
 from rackhand.services.sim.simulation import Simulation
 from rackhand.services.sim.world.commands import add_commands
+from rackhand.worlds.arm_model import load_arm_descriptions, with_arm_kind
 from rackhand.worlds.chassis_model import load_profiles
 from rackhand.worlds.data import WorldFileError
 from rackhand.worlds.scatter import scattered
@@ -84,6 +85,7 @@ def main(
             "--profile", "--robot-profile", help="chassis profile of every robot  [default: that of the world]"
         ),
     ] = None,
+    arm: Annotated[str | None, typer.Option(help="kind of every arm  [default: that of the world]")] = None,
     noise: Annotated[float, typer.Option(min=0, help="factor of all sensor noise; 0 for exact sensors")] = 1.0,
     pose_noise: Annotated[float, typer.Option(min=0, help="1σ of the localised position in metres")] = 0.01,
     yaw_noise: Annotated[float, typer.Option(min=0, help="1σ of the localised heading in radians")] = 0.005,
@@ -97,7 +99,8 @@ def main(
     awaited = tuple(_service(text) for text in wait_for or ())
     pace = _speed(speed)
     try:
-        loaded = load_world(world)
+        loaded = with_arm_kind(load_world(world), arm)
+        load_arm_descriptions(loaded)
         profiles = load_profiles(loaded, profile)
         robots = {*profiles, *loaded.arms}
         if unknown := {service.robot for service in awaited} - robots:

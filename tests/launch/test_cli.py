@@ -17,6 +17,7 @@ from rackhand.services.launch.cell import crf_addresses
 from rackhand.services.launch.cli import app
 from rackhand.services.launch.processes import Address, CellOptions, cell_processes
 from rackhand.services.launch.viewing import with_viewer
+from rackhand.worlds.data import WorldFileError
 from tests.launch.conftest import Running
 
 cli = CliRunner()
@@ -105,6 +106,13 @@ def test_a_world_of_arms_needs_no_planner() -> None:
     table = {process.name: process for process in cell_processes(CellOptions(world="pick_station"), {})}
     assert list(table) == ["router", "sim", "controller", "gateway", "viewer"]
     assert "planner" not in " ".join((*table["sim"].argv, *table["gateway"].argv))
+
+
+def test_another_arm_reaches_simulator_and_controller() -> None:
+    table = {process.name: process for process in cell_processes(CellOptions(world="pick_station", arm="fr3"), {})}
+    assert "--arm fr3" in " ".join(table["sim"].argv) and "--arm fr3" in " ".join(table["controller"].argv)
+    with pytest.raises(WorldFileError, match="arm 'fr4' is not known; known: "):
+        cell_processes(CellOptions(world="pick_station", arm="fr4"), {})
 
 
 def test_without_a_simulator_the_gateway_expects_a_driver_for_each_robot_that_is_served() -> None:

@@ -12,8 +12,9 @@ import yaml
 
 from rackhand.services.controller.ik import forward, load_arm
 from rackhand.services.sim.simulation import Simulation
-from rackhand.worlds.arm_model import arm_mjcf, known_arms, load_arm_description, load_arm_descriptions
+from rackhand.worlds.arm_model import arm_mjcf, known_arms, load_arm_description, load_arm_descriptions, with_arm_kind
 from rackhand.worlds.data import WORLDS_PATH, WorldFileError
+from rackhand.worlds.world_model import load_world
 from tests.sim.helpers import coast, make_world
 
 
@@ -89,3 +90,14 @@ def test_an_arm_is_added_by_a_yaml_and_its_mjcf(arms: Path) -> None:
     assert simulation.arms["arm1"].state(simulation.stamp).q == pytest.approx(home, abs=1e-3)
     flange = simulation.data.site("arm1/flange").xpos - (0, 0, 0.6)
     np.testing.assert_allclose(forward(model, np.array(home))[:, 3], flange, atol=2e-3)
+
+
+def test_another_kind_of_arm_begins_at_its_own_home() -> None:
+    world = load_world("pick_station")
+    place = world.arms["arm1"].model_copy(update={"home": load_arm_description("ur5e").home})
+    world = world.model_copy(update={"arms": {"arm1": place}})
+    assert with_arm_kind(world, None) is world
+    assert with_arm_kind(world, "ur5e").arms["arm1"] == place
+    other = with_arm_kind(world, "fr3")
+    assert (other.arms["arm1"].kind, other.arms["arm1"].home, other.arms["arm1"].pose) == ("fr3", None, place.pose)
+    assert len(load_arm_descriptions(other)["arm1"].home) == 7

@@ -2,8 +2,8 @@
 
 A job is planned from the queue as it is when the job's turn comes, for a tick a little ahead, and is spliced in at that
 very tick. In lockstep the tick waits for the plan, so that a run is the same on any machine. Running free it does not:
-the current motion continues, and a plan that comes too late is made again for a later tick. Its caller is answered as
-soon as it is planned, before it is driven.
+the current motion continues, and a plan that comes too late is made again for a later tick; one that begins at rest is
+driven as soon as the arm has arrived. The caller is answered as soon as its path is planned, before it is driven.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ Append = Callable[[MotionQueue, float], MotionQueue]
 T = TypeVar("T")
 
 MAX_JOBS = 64
-FIRST_LEAD = 0.1  # seconds a plan is given beside a motion under way, the first time
-LEAD_PER_POINT = 0.03
+FIRST_LEAD = 0.04  # seconds a plan is given beside a motion under way, and for each of its points, the first time
+LEAD_PER_POINT = 0.002
 
 
 @dataclass
@@ -33,6 +33,7 @@ class _Job(Generic[T]):
     points: int
     ticket: T
     begin: float = 0.0
+    ends: float = math.inf  # when the motions before it end, if that is before ``begin``: then it begins at rest
     lead: float = 0.0
     from_rest: bool = False
     answered: bool = False
@@ -87,6 +88,8 @@ class PathPlanner(Generic[T]):
             job.lead = max(job.lead, FIRST_LEAD + LEAD_PER_POINT * job.points)
             ticks = math.ceil(job.lead / self._period)
         job.begin = t + ticks * self._period
+        end = queue.motions[-1].motion.end if queue.motions and not queue.paused else math.inf
+        job.ends = end if end <= job.begin else math.inf
         job.future = self._executor.submit(job.append, queue, job.begin)
 
     def await_plan(self, seconds: float) -> None:
@@ -119,6 +122,10 @@ class PathPlanner(Generic[T]):
             # The arm waits for it: it may be taken over before its time, and be shifted when that is over.
             self._jobs.popleft()
             return answers, _shifted(queue, max(0.0, t - job.begin))
+        if not due and t >= job.ends:
+            # The arm has arrived before the plan was due.
+            self._jobs.popleft()
+            return answers, _shifted(queue, t + self._period - job.begin)
         if not due:
             return answers, None
         late = t - job.begin
@@ -132,7 +139,7 @@ class PathPlanner(Generic[T]):
 
 def _shifted(queue: MotionQueue, by: float) -> MotionQueue:
     """``queue``, which begins at rest, ``by`` seconds later."""
-    if by <= 0:
+    if by == 0:
         return queue
     motions = tuple(
         replace(queued, motion=queued.motion.shifted(by), begin=queued.begin + by)

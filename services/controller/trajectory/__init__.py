@@ -4,6 +4,7 @@ Read in this order:
 
     model         poses, limits, what a kinematics has to offer, refusals
     geometry      paths through waypoints, with blends at corners
+    simplify      leaves out waypoints that do not change the path
     curve         q(s), a joint-space curve
     continuation  inverse kinematics along a task path
     timing        constraints along s, and the time law within them; ``topp`` solves it

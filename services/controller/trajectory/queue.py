@@ -20,15 +20,19 @@ from rackhand.services.controller.trajectory.geometry import (
     Tolerance,
     joint_path,
     pose_step,
+    step_length,
     task_path,
 )
 from rackhand.services.controller.trajectory.joint_stop import JointStop, stop_joints
 from rackhand.services.controller.trajectory.model import Kinematics, PathRefused, Placement, TcpPose
+from rackhand.services.controller.trajectory.simplify import Resolution, kept_joints, kept_poses
 from rackhand.services.controller.trajectory.splice import extend_joints, extend_task
 from rackhand.services.controller.trajectory.stream import Motion, PathLimits, Sample, start_joints, start_task
 from rackhand.services.controller.trajectory.timing import Planning
 
 _DUPLICATE = 1e-7
+_SHORTEST = 5e-6
+"""m, a radian counting as ``ANGLE_LENGTH`` metres: a shorter task path is below the accuracy it is followed with."""
 _REACHED = 1e-4
 
 
@@ -57,6 +61,7 @@ class PathArm:
     planning: Planning = field(default_factory=Planning)
     tolerance: Tolerance = field(default_factory=Tolerance)
     options: Continuation = field(default_factory=Continuation)
+    resolution: Resolution = field(default_factory=Resolution)
 
 
 @dataclass(frozen=True)
@@ -122,11 +127,15 @@ class MotionQueue:
         queue = self._for(t, "task")
         poses, kept = _distinct_poses(self.arm.kinematics.forward(queue._end()), points)
         if not kept:
-            raise PathRefused(0, "all waypoints equal the end of the previous path: no motion")
+            raise PathRefused(
+                0, f"no motion: all waypoints are within {1e6 * _SHORTEST:g} µm of the end of the previous path"
+            )
         try:
             if method == Method.JOINT_SPACE:
                 return queue._add_joints(t, "task", queue._solve(poses[1:]))
-            return queue._add_task(t, poses)
+            needed = kept_poses(poses, self.arm.resolution)
+            kept = [kept[k - 1] for k in needed[1:]]
+            return queue._add_task(t, [poses[k] for k in needed])
         except PathRefused as refused:
             raise PathRefused(kept[min(refused.point, len(kept) - 1)], refused.reason) from None
 
@@ -173,8 +182,9 @@ class MotionQueue:
                 distinct.append(point)
         if len(distinct) == 1:
             return self
+        every = np.array(distinct)
         arm, last = self.arm, self._open(kind, JointPath)
-        path = joint_path(np.array(distinct), arm.tolerance, last.curve.end if last else 0.0)
+        path = joint_path(every[kept_joints(every, arm.resolution)], arm.tolerance, last.curve.end if last else 0.0)
         if last:
             when = self._from(t)
             return self._with_last(t, extend_joints(last, when, path, arm.tolerance, arm.joints, arm.kinematics))
@@ -282,7 +292,7 @@ def _distinct_poses(start: Placement, points: Sequence[Placement]) -> tuple[list
     """``start`` and the poses that are not where the one before them is; and which of the points these were."""
     poses, kept = [TcpPose(start.translation, start.rotation)], []
     for i, point in enumerate(points):
-        if np.abs(pose_step(poses[-1], point)).max() > _DUPLICATE:
+        if step_length(pose_step(poses[-1], point)[None])[0] > _SHORTEST:
             poses.append(TcpPose(np.asarray(point.translation, float), np.asarray(point.rotation, float)))
             kept.append(i)
     return poses, kept
