@@ -57,7 +57,8 @@ class Judge(WorldControl):
         if isinstance(request, Reset | Place | Remove | Restore | MoveRobot | MoveObject | Push):
             self._newest = None  # a paused world publishes its things again after these
         try:
-            return self._bus.call(topics.WORLD_CONTROL, WorldRequest(request=request), timeout=timeout)
+            order = WorldRequest(request=request)  # type: ignore[arg-type]
+            return self._bus.call(topics.WORLD_CONTROL, order, timeout=timeout)
         except Refused:
             self._newest = newest
             raise

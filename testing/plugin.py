@@ -151,12 +151,12 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
 
 def _cells_of(item: pytest.Item) -> list[Cell]:
     """The cells among the fixtures of a test, also those that a client of theirs holds as ``cell``."""
-    from rackhand.services.launch.background import BackgroundCell
+    from rackhand.testing.cell import Cell
 
     given = list(getattr(item, "funcargs", {}).values())
     given = [value[0] if isinstance(value, tuple) and value else value for value in given]
-    found = [value if isinstance(value, BackgroundCell) else getattr(value, "cell", None) for value in given]
-    return list({id(cell): cell for cell in found if isinstance(cell, BackgroundCell)}.values())  # type: ignore[misc]
+    found = [value if isinstance(value, Cell) else getattr(value, "cell", None) for value in given]
+    return list({id(cell): cell for cell in found if isinstance(cell, Cell)}.values())
 
 
 def _from_ini(config: pytest.Config) -> dict[str, Any]:
