@@ -45,9 +45,7 @@ class ChassisClient:
     def request(self, method: str, path: str, body: Json | None = None) -> Any:
         """The answer's JSON. Raises ``StoryError`` with the reason of a refusal."""
         data = None if body is None else json.dumps(body).encode()
-        request = urllib.request.Request(
-            self._url + path, data, {"content-type": "application/json"}, method=method
-        )
+        request = urllib.request.Request(self._url + path, data, {"content-type": "application/json"}, method=method)
         try:
             with _opener.open(request, timeout=HTTP_TIMEOUT) as answer:
                 return json.loads(answer.read())
@@ -79,7 +77,9 @@ class ChassisClient:
             lambda jack: jack["state"] == "hold" and abs(jack["progress"] - end) < 0.01,
             lambda jack: f"jack {direction}, at {jack['progress']:.0%}",
         )
-        self._wait("/load_state", lambda state: state["state"] == load, lambda state: f"load {load}, is {state['state']}")
+        self._wait(
+            "/load_state", lambda state: state["state"] == load, lambda state: f"load {load}, is {state['state']}"
+        self._wait("/load_state", lambda seen: seen["state"] == load, lambda seen: f"load is {seen['state']}, not {load}")
 
     def wait_until_charging(self) -> float:
         """Until current flows into the battery; how full it is (0 … 1)."""
