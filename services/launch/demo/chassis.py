@@ -77,9 +77,7 @@ class ChassisClient:
             lambda jack: jack["state"] == "hold" and abs(jack["progress"] - end) < 0.01,
             lambda jack: f"jack {direction}, at {jack['progress']:.0%}",
         )
-        self._wait(
-            "/load_state", lambda state: state["state"] == load, lambda state: f"load {load}, is {state['state']}"
-        self._wait("/load_state", lambda seen: seen["state"] == load, lambda seen: f"load is {seen['state']}, not {load}")
+        self._wait("/load_state", lambda now: now["state"] == load, lambda now: f"load {load}, is {now['state']}")
 
     def wait_until_charging(self) -> float:
         """Until current flows into the battery; how full it is (0 … 1)."""
