@@ -222,11 +222,17 @@ BLOCKS: dict[str, Callable[[], Table]] = {
     "crf-requests": crf_request_table,
     "crf-refusals": refusal_table,
 }
+_INCLUDE = re.compile(r"(<!-- include: (?P<path>\S+) -->\n```[a-z]*\n).*?(```\n)", re.DOTALL)
 _BLOCK = re.compile(r"(<!-- generated: (?P<name>[a-z-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def refresh(text: str) -> str:
-    """A Markdown page with its generated blocks renewed. Raises ``KeyError`` for a block of an unknown name."""
+    """A Markdown page with its generated blocks and included files renewed.
+
+    Raises ``KeyError`` for a block of an unknown name and ``OSError`` for a file that is not there; paths are relative
+    to the working directory, which is that of ``make docs``.
+    """
+    text = _INCLUDE.sub(lambda block: f"{block[1]}{Path(block['path']).read_text(encoding='utf-8')}{block[3]}", text)
     return _BLOCK.sub(lambda block: f"{block[1]}{markdown(BLOCKS[block['name']]())}\n{block[3]}", text)
 
 
