@@ -13,6 +13,7 @@ from typing import Any
 from rackhand.scenarios.sweep import Point, settings_text
 from rackhand.scenarios.verdicts import Verdict
 
+END = b"\r\n"  # of a row, as the csv module writes it; texts in it have \n alone
 COLUMNS = (
     "scenario",
     "seed",
@@ -52,7 +53,8 @@ class Results:
         folder.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> Results:
-        fresh = not self.path.exists()
+        self._drop_cut_off_row()
+        fresh = not self.path.exists() or self.path.stat().st_size == 0
         self._file = self.path.open("a", newline="", encoding="utf-8")
         self._rows = csv.DictWriter(self._file, COLUMNS)
         if fresh:
@@ -63,6 +65,11 @@ class Results:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._file.close()
+
+    def _drop_cut_off_row(self) -> None:
+        """A process that was killed may have written a part of its last row."""
+        if self.path.exists() and not (content := self.path.read_bytes()).endswith(END):
+            self.path.write_bytes(content[: content.rfind(END) + len(END)] if END in content else b"")
 
     def add(self, point: Point, verdict: Verdict) -> None:
         """On disk when this returns."""

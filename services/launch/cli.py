@@ -278,6 +278,21 @@ def scenario(context: typer.Context) -> None:
     _run_module("rackhand.scenarios", context.args, os.environ)
 
 
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+    epilog=_examples(
+        "rackhand sweep rack_missing lidar_dead --seeds 100",
+        "rackhand sweep rack_slides_on_the_jack --set planner.control.max_forward_velocity=0.6,1.2",
+    ),
+)
+def sweep(context: typer.Context) -> None:
+    """Run scenarios with many seeds and settings, on all cores or on a Dask cluster.
+
+    `rackhand sweep --help` shows the options.
+    """
+    _run_module("rackhand.scenarios", ["sweep", *context.args], os.environ)
+
+
 def _run_module(module: str, arguments: Sequence[str], environment: Mapping[str, str]) -> NoReturn:
     """Commands of a package that `rackhand` does not import."""
     command = [sys.executable, "-m", module, *arguments]
