@@ -41,7 +41,7 @@ def test_it_installs_one_name(names: set[str]) -> None:
 
 
 def test_every_module_and_every_data_file_is_in_it(names: set[str]) -> None:
-    folders = ("schemas", "bus", "runtime", "services", "testing", "worlds")
+    folders = ("schemas", "bus", "runtime", "services", "testing", "scenarios", "worlds")
     kinds = {".py", ".yaml", ".xml", ".png", ".geojson", ".html", ".css", ".js"}
     files = [path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in kinds]
     missing = {f"rackhand/{path.relative_to(ROOT)}" for path in files} - names
