@@ -205,7 +205,7 @@ class FaultState(Message):
     """Faults in force, and the names of what can have one, by the kind of target."""
 
     active: tuple[ActiveFault, ...] = Field(default=(), strict=False)
-    targets: dict[str, Annotated[tuple[str, ...], Field(strict=False)]] = {}
+    targets: dict[str, Annotated[tuple[str, ...], Field(strict=False)]] = Field(default_factory=dict)
 
 
 class WorldReply(Message):

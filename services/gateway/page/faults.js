@@ -45,9 +45,10 @@ export class Faults {
   // Where there is a simulator, by the services' health.
   async load(health) {
     const simulated = health?.services.some(({ service, status }) => service === "sim" && status === "up");
+    if (!simulated) hide("faults", true);
     const { ok, answer } = simulated ? await ask("GET", "/world/faults").catch(() => ({})) : {};
-    hide("faults", !ok);
     if (!ok) return;
+    hide("faults", false);
     if (JSON.stringify(this.kinds) !== JSON.stringify(answer)) this.show(answer);
   }
 
