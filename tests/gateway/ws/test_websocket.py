@@ -14,7 +14,7 @@ import pytest
 from rackhand.bus import Unavailable
 from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
-from rackhand.schemas.chassis import Alert
+from rackhand.schemas.chassis import Alert, Contacts
 from rackhand.services.gateway.ws.broadcast import MAX_EVENTS, MAX_TOPICS
 from rackhand.services.gateway.ws.payloads import PAYLOADS
 from tests.gateway import messages
@@ -80,6 +80,15 @@ STATE_TOPICS = {
     "/map_v2": [(topics.MAP, messages.current_map())],
     "/map/costmap_v2": [(topics.COSTMAP, messages.costmap())],
     "/scan_matched_points2": [(topics.SCAN, messages.scan()), (topics.POSE, messages.pose())],
+    "/horizontal_laser_2d/matched": [(topics.SCAN, messages.scan()), (topics.POSE, messages.pose())],
+    "/trajectory": [(topics.SCAN, messages.scan()), (topics.POSE, messages.pose())],
+    "/maps/5cm/1hz": [(topics.COSTMAP, messages.costmap())],
+    "/local_path": [(topics.FOOTPRINT, messages.footprint()), (topics.PATH, messages.path())],
+    "/detailed_battery_state": [(topics.BATTERY, messages.battery())],
+    "/fused_sensor_state": [(topics.ODOMETRY, messages.odometry())],
+    "/platform_monitor/travelled_distance": [(topics.ODOMETRY, messages.odometry())],
+    "/sensor_manager_state": [(topics.CHASSIS_STATUS, messages.status())],
+    "/bumper_state": [(topics.CONTACTS, Contacts(stamp=0))],
 }
 CHANGED = {
     "/tracked_pose": (topics.POSE, messages.pose(x=7.0), {"pos": [7.0, 2.0]}),
@@ -110,6 +119,15 @@ CHANGED = {
         {"racks": []},
     ),
     "/scan_matched_points2": (topics.SCAN, messages.scan(left=3.0), {"points": [[-0.351, 4.681, 0.0]]}),
+    "/horizontal_laser_2d/matched": (topics.SCAN, messages.scan(left=3.0), {"stamp": 0.0}),
+    "/trajectory": (topics.SCAN, messages.scan(left=3.0), {"points": []}),
+    "/maps/5cm/1hz": (topics.COSTMAP, messages.costmap(columns=2), {"size": [2, 3]}),
+    "/local_path": (topics.FOOTPRINT, messages.footprint(half_width=0.3), {"width": 0.6}),
+    "/detailed_battery_state": (topics.BATTERY, messages.battery(percentage=0.5), {"percentage": 0.5}),
+    "/fused_sensor_state": (topics.ODOMETRY, messages.odometry(20_000_000, linear=0.5), {"is_still": False}),
+    "/platform_monitor/travelled_distance": (topics.ODOMETRY, messages.odometry(20_000_000), {"duration": 0.02}),
+    "/sensor_manager_state": (topics.CHASSIS_STATUS, messages.status(control_mode="manual"), {"power_state": "awake"}),
+    "/bumper_state": (topics.CONTACTS, Contacts(stamp=1, bumper_front=True), {"front_bumper_pressed": True}),
 }
 
 
