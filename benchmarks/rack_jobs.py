@@ -10,9 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console
-from rich.progress import track
-
+from benchmarks.progress import track
 from benchmarks.report import Report, median
 from rackhand.schemas import planar
 from rackhand.schemas.chassis import JackRequest
@@ -59,7 +57,7 @@ class _Failed(Exception):
 
 def run() -> Report:
     jobs = [Job(sort, kind, seed) for sort in SORTS for kind in KINDS for seed in SEEDS]
-    done = [carry_out(job) for job in track(jobs, "rack jobs", console=Console(stderr=True))]
+    done = [carry_out(job) for job in track(jobs, "rack jobs")]
     return report(done)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from rackhand.schemas.codec import explain
-from rackhand.schemas.faults import FAULTS
+from rackhand.schemas.faults import FAULTS, amount_of
 from rackhand.schemas.moves import MoveCreate
 from rackhand.worlds.scenario_model import Fault, Scenario, Step
 from rackhand.worlds.world_model import World
@@ -49,19 +49,29 @@ def _of_step(step: Step, scenario: Scenario, world: World, placed: set[str]) -> 
         if name not in movable:
             yield f"{name!r} is no rack or item of world {world.name}; known: {sorted(movable)}"
     for fault in (*step.faults, *step.clear):
-        yield from _of_fault(fault, scenario, world)
+        yield from _of_fault(fault, scenario, world, active=fault in step.faults)
     if step.move is not None:
         yield from _of_move(step.move)
 
 
-def _of_fault(fault: Fault, scenario: Scenario, world: World) -> Iterator[str]:
+def _of_fault(fault: Fault, scenario: Scenario, world: World, active: bool) -> Iterator[str]:
     kind, target = FAULTS[fault.fault], fault.target or scenario.robot
-    things: dict[str, Collection[str]] = {"chassis": world.robots, "rack": world.racks, "lift": world.lifts}
-    known = things[kind.target]
-    if target not in known:
+    known = _things(world).get(kind.target)
+    if known is not None and target not in known:
         yield f"fault {fault.fault}: {target!r} is no {kind.target} of world {world.name}; known: {sorted(known)}"
     if fault.part is not None and fault.part >= kind.parts:
         yield f"fault {fault.fault} has no part {fault.part}; it has {kind.parts}"
+    if active and (fault.pose is None) != (kind.pose is None):
+        yield f"fault {fault.fault}: {'takes no pose' if kind.pose is None else f'needs a pose ({kind.pose})'}"
+    try:
+        amount_of(kind, fault.amount)
+    except ValueError as error:
+        yield str(error)
+
+
+def _things(world: World) -> dict[str, Collection[str]]:
+    """What can have faults of each target; others can have a name that no file has."""
+    return {"chassis": world.robots, "rack": world.racks, "lift": world.lifts, "charger": world.chargers}
 
 
 def _of_move(body: dict[str, Any]) -> Iterator[str]:

@@ -81,6 +81,8 @@ class Fault(Data):
     fault: FaultName
     target: str | None = None
     part: Annotated[int, Field(ge=0)] | None = None
+    amount: float | None = None
+    pose: PoseTuple | None = None
 
 
 class Push(Data):

@@ -17,11 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import track
-
 from benchmarks.barn.plot import plot
 from benchmarks.barn.score import BEST, KINDS, TOP_SPEED, Result, cause, speed_kinds
+from benchmarks.progress import say, track
 from benchmarks.report import Report, Table, percentile
 from rackhand.schemas.moves import TERMINAL
 from rackhand.services.sim.world.barn import write_barn_world
@@ -55,13 +53,12 @@ def run(options: Options | None = None) -> Report:
     chosen = options or Options()
     numbers = spread(sorted(json.loads(chosen.data.read_text())["worlds"], key=int), chosen.worlds)
     done = read(chosen.results)
-    console = Console(stderr=True)
-    for number in track([n for n in numbers if n not in done], "BARN", console=console):
+    for number in track([n for n in numbers if n not in done], "BARN"):
         done[number] = drive(chosen.data, number)
         with chosen.results.open("a") as file:
             file.write(json.dumps(done[number].record()) + "\n")
         result = done[number]
-        console.print(f"world {number}: {result.state}, AT/OT {result.ratio:.2f}, score {result.score:.3f}")
+        say(f"world {number}: {result.state}, AT/OT {result.ratio:.2f}, score {result.score:.3f}")
     results = [done[number] for number in numbers]
     chosen.results.with_suffix(".svg").write_text(plot(results))
     return report(results)

@@ -17,6 +17,8 @@ from rackhand.services.launch import asyncapi as contract
 from rackhand.services.launch.cell import CELL_FILE, CannotStart, run_cell
 from rackhand.services.launch.health import Health, ask_health
 from rackhand.services.launch.motion import CannotAsk, send_command
+from rackhand.services.launch.prepare import CannotPrepare
+from rackhand.services.launch.prepare import prepare as prepare_services
 from rackhand.services.launch.processes import Address, CellOptions
 from rackhand.services.launch.viewing import CannotView, open_viewer, record_cell
 
@@ -141,6 +143,19 @@ def up(
     except CannotStart as error:
         _fail(str(error))
     raise typer.Exit(code)
+
+
+@app.command(epilog=_examples("rackhand prepare"))
+def prepare() -> None:
+    """Compile the code that services compile at their first start; `make run` and `make test` do it once.
+
+    It takes a minute or two, and some seconds when it has been done before.
+    """
+    try:
+        seconds = prepare_services()
+    except CannotPrepare as error:
+        _fail(str(error))
+    typer.echo(f"rackhand: compiled code is ready after {seconds:.0f} s")
 
 
 @app.command(epilog=_examples("rackhand status", "rackhand status --url http://127.0.0.1:8091"))

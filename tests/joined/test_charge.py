@@ -101,6 +101,15 @@ def test_the_next_move_first_leaves_the_charger_and_charging_again_comes_back(dr
     assert driver.world.inspect().contact_count == 0
 
 
+def test_along_a_route(driver: JoinedChassis) -> None:
+    move = driver.post(CHARGE | {"route_coordinates": f"{X + 1.6}, 0.4, {X + 1.6}, 1.6", "detour_tolerance": 0.3})
+    driver.world.wait_for(lambda: driver.planning_state.passed_points == 2 or None, "the route's end", 60.0)
+    assert abs(driver.world.true_pose(driver.name).y - 1.6) < 0.05
+    assert driver.finish(move).state == "succeeded" and is_charging(driver)
+    assert driver.move(move).is_charging is True
+    assert driver.world.inspect().contact_count == 0
+
+
 def no_contact(driver: JoinedChassis) -> Move:
     fault(driver, "no_charge_contact")
     return driver.drive(CHARGE | {"charge_retry_count": 1})

@@ -88,6 +88,8 @@ def test_name_and_world_are_those_of_file_and_folder(tmp_path: Path) -> None:
             {"timeline": [{"faults": [{"fault": "leg_hidden", "target": "rack_s8", "part": 4}], "move": {}}]},
             "fault leg_hidden has no part 4",
         ),
+        ({"timeline": [{"faults": [{"fault": "kidnapped"}], "move": {}}]}, "kidnapped: needs a pose (at)"),
+        ({"timeline": [{"faults": [{"fault": "lidar_noisy", "amount": 9.0}], "move": {}}]}, "want 0 … 5"),
         ({"mend": [{"remove": ["crate"]}]}, "mend 1: remove: 'crate'"),
         ({"then": {"type": "standard", "target_x": "far"}}, "then: move: target_x"),
     ],
