@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.cell import Cell
+from rackhand.testing import Cell
 
 ROOT = Path(__file__).parents[2]
-MARK = re.compile(r"^<!-- ci: (?P<what>[^;>]+?)(?:; expect: (?P<expect>.+?))? -->$")
+MARK = re.compile(r"^<!-- (?:ci|include): (?P<what>[^;>]+?)(?:; expect: (?P<expect>.+?))? -->$")
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,8 @@ class MakeRun(Cell):
     def command(self) -> list[str]:
         return [
             "make",
+            "--directory",
+            str(ROOT),
             "run",
             "ARGS=" + " ".join(["--port 0 --bus-port 0 --viewer-port 0 --speed max --state-dir", str(self.state_dir)]),
         ]

@@ -19,7 +19,7 @@ from rackhand.services.planner.load import LoadState
 from tests.joined.chassis import JoinedChassis
 from tests.joined.racks import Cause, check_failure, with_jack_up
 from tests.joined.world import JoinedWorld
-from tests.system.judge import standard
+from tests.system.driving import standard
 
 X = -3.0  # of the docked pose, whose y and yaw are 0
 CHARGE = {"type": "charge"}

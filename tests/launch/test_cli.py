@@ -38,7 +38,7 @@ def up(tmp_path: Path) -> list[str]:
 
 def test_help_names_every_command() -> None:
     shown = cli.invoke(app, ["--help"]).output
-    for command in ("up", "prepare", "status", "world", "topics", "motion", "record", "view"):
+    for command in ("up", "prepare", "status", "world", "scenario", "sweep", "topics", "motion", "record", "view"):
         assert f"\n  {command} " in shown
 
 
