@@ -44,7 +44,8 @@ def _works(path: str, *methods: str, text: str = "") -> tuple[Endpoint, ...]:
 
 def _none(status: Literal[400, 404], text: str, *calls: str) -> tuple[Endpoint, ...]:
     """``calls``: as in ``"POST /services/load_cargo"``."""
-    return tuple(Endpoint(*call.split(), text=text, status=status) for call in calls)
+    split = (call.split() for call in calls)
+    return tuple(Endpoint(method, path, text, status) for method, path in split)
 
 
 def _services(text: str, *names: str) -> tuple[Endpoint, ...]:
