@@ -12,7 +12,7 @@ from rackhand.schemas.base import Message
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.websocket_racks import LoadFrame
 from rackhand.schemas.websocket_sensors import MatchedLaser, Trajectory
-from rackhand.services.gateway.ws import rack_payloads, sensor_payloads  # noqa: F401 - they register topics
+from rackhand.services.gateway.ws import lift_payloads, rack_payloads, sensor_payloads  # noqa: F401 - they register
 from rackhand.services.gateway.ws.facts import Facts
 from rackhand.services.gateway.ws.payloads import PAYLOADS
 

@@ -10,6 +10,7 @@ from typing import Any, TypeVar, cast
 from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS, Message, Pose2
 from rackhand.schemas.chassis import Odometry, Scan
+from rackhand.schemas.lift import LiftState
 from rackhand.schemas.scan_points import ScanPairing
 from rackhand.schemas.topics import Topic
 from rackhand.services.gateway.mapping import Mappings
@@ -26,8 +27,8 @@ class Facts:
     """What is known of one robot.
 
     ``acceleration`` in m/s², over the last tenth of a second. ``matched``: the newest scan with the pose at which it
-    was taken. ``files``: what frames refer to by URL. ``mappings``: maps drawn from the scans. ``travelled``: metres
-    since the stamp ``travelled_since``.
+    was taken. ``files``: what frames refer to by URL. ``lifts``: state of each lift of the cell by name. ``mappings``:
+    maps drawn from the scans. ``travelled``: metres since the stamp ``travelled_since``.
     """
 
     def __init__(self, messages: Mapping[Topic[Any], Message] | None = None) -> None:
@@ -38,6 +39,7 @@ class Facts:
         self.mappings = Mappings()
         self.travelled, self.travelled_since = 0.0, 0
         self._last_odometry: Odometry | None = None
+        self.lifts: dict[str, LiftState] = {}
         self._speeds: deque[tuple[int, float]] = deque()
         self._pairing = ScanPairing()
         for topic, message in (messages or {}).items():
