@@ -88,10 +88,10 @@ class Mapping:
         ranges = scan.ranges.astype(np.float64)
         known = ~np.isnan(ranges)
         hits = known & (ranges < min(scan.range_max, RANGE))
-        angles = sensor[2] + scan.angle_min + scan.angle_step * np.arange(len(ranges))
+        beams = np.arange(len(ranges), dtype=np.float64)
+        angles: NDArray[np.float64] = sensor[2] + scan.angle_min + scan.angle_step * beams
         reach: NDArray[np.float64] = np.minimum(np.where(known, ranges, 0.0), min(scan.range_max, RANGE))
-        clear: NDArray[np.float64] = (reach - RESOLUTION * hits).astype(np.float64)
-        passed = _along(sensor, angles[known], clear[known])
+        passed = _along(sensor, angles[known], (reach - RESOLUTION * hits)[known])
         ends = sensor[0] + reach[hits] * np.cos(angles[hits]), sensor[1] + reach[hits] * np.sin(angles[hits])
         self.grid.add(*_cells(*passed), FREE)
         self.grid.add(*_cells(*ends), HIT - FREE)  # beams that pass beside them are in the same cells
