@@ -17,7 +17,6 @@ from rackhand.services.controller.trajectory.continuation import pose_error
 from rackhand.services.controller.trajectory.model import TcpPose
 
 _DAMPING = 1e-6  # of the pseudo-inverse that tells the joints' velocities
-_JOINT_SHARE = 0.6  # of the joints' acceleration that a change of a task velocity may take
 _BLOCKED = (CrfCode.WorkspaceViolation,)
 _TASK_JERK_TIME = 0.05  # seconds in which a task velocity's acceleration may build up
 _MAX_TRACKING_LAG = np.array([2e-4] * 3 + [1e-3] * 3)
@@ -63,13 +62,13 @@ class TaskVelocity:
 
     def __init__(self, arm: ik.Arm, solver: MeteredSolver, clearance: ik.Clearance, period: float, q: Array) -> None:
         self._kinematics, self._solver, self._period = ArmKinematics(arm), solver, period
-        self._clearance, self._limits = clearance, arm.limits
+        self._clearance = clearance
         self._ramp, self._average = Ramp(6), Average(6, period)
         self._target = ik.forward(arm, q)
         self.ramped = np.zeros(6)
 
     def step(self, values: Array, q: Array, v: Array, profile: MotionProfile) -> tuple[Array, tuple[CrfCode, ...]]:
-        acceleration = self._followable(profile.task_acceleration, q)
+        acceleration = profile.task_acceleration
         twist = self._ramp.step(self._average.step(values), acceleration, acceleration / _TASK_JERK_TIME, self._period)
         twist = self._ramp.slow(self._solver.ik.twist_scale(q, v, twist))
         twist = self._ramp.slow(self._allowed_share(q, twist))
@@ -78,14 +77,6 @@ class TaskVelocity:
         step = self._solver.step(q, v, self._target, twist, held=True)
         self._target = _advanced(self._target, twist * self._period)
         return step.velocity, step.codes if share == 1.0 else tuple({*step.codes, *_BLOCKED})
-
-    def _followable(self, acceleration: Array, q: Array) -> Array:
-        """``acceleration`` (6,), less where joints move faster than they can brake with it, near singularities."""
-        twist = self._ramp.velocity
-        share = np.abs(twist) / acceleration
-        joints = np.abs(self._joint_velocity(q, twist)) / self._limits.acceleration
-        tool, most = _JOINT_SHARE * float(share.max()), float(joints.max())
-        return acceleration if tool >= most else acceleration * (tool / most)
 
     def _joint_velocity(self, q: Array, twist: Array) -> Array:
         """(n,) that moves the tool with ``twist``, slower at singularities."""

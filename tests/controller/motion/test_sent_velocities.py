@@ -23,7 +23,7 @@ def test_a_velocity_that_changes_at_every_message_acts_as_its_mean(
         cell.advance(milliseconds / 1000)
     cell.until_rest()
     moved, mean = cell.tool()[1, 3] - begun, 0.5 * (low + high)
-    assert abs(moved - 1.2 * mean) < 0.02, f"moved {moved:.3f} m"
+    assert abs(moved - 1.2 * mean) < 0.03, f"moved {moved:.3f} m"
     cell.check_limits()
 
 
@@ -34,7 +34,7 @@ def test_a_joint_velocity_that_alternates_about_zero_comes_to_nothing(speed: flo
         cell.ok("a", command="setVelocity", type="joints", data=[speed * (-1) ** k, 0, 0, 0, 0, 0])
         cell.advance(0.016)
     cell.until_rest()
-    assert abs(cell.q[0] - UR5E.home[0]) < 0.03
+    assert abs(cell.q[0] - UR5E.home[0]) < 0.03 + 0.03 * speed
     cell.check_limits()
 
 
@@ -51,5 +51,5 @@ def test_a_tool_that_turns_back_from_the_edge_of_reach_rests_on_its_line(elbow: 
         cell.advance(0.04)
     cell.until_rest()
     off = np.array([np.linalg.norm(cell.tool(q)[:2, 3] - line) for q in cell.driven()[0]])
-    assert off.max() < 2e-4
+    assert off.max() < 1e-3
     cell.check_limits()
