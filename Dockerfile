@@ -58,14 +58,14 @@ EXPOSE 7447
 FROM runtime AS sim
 COPY --from=build-sim /venv /venv
 # Compiled here once, so that no container has to before it is ready.
-RUN python -c "from rackhand.services.sim.simulation import *; from rackhand.worlds.world_model import load_world; Simulation(load_world('pick_station'), {}, 0)"
+RUN python -m rackhand.services.sim.warm_up
 CMD ["python", "-m", "rackhand.services.sim", "--wait-for", "amr1/planner", "--wait-for", "arm1/controller"]
 
 FROM runtime AS planner
 COPY --from=build-planner /venv /venv
 COPY worlds /worlds
 # Compiled here once, so that no container has to before it is ready.
-RUN python -c "from rackhand.services.planner.warm_up import *; warm_up(NavigationSettings())"
+RUN python -m rackhand.services.planner.warm_up
 CMD ["python", "-m", "rackhand.services.planner", "--robot", "amr1", "--map", "/worlds/warehouse", "--store", "/state/planner.sqlite"]
 
 FROM runtime AS controller
@@ -76,7 +76,7 @@ RUN python -c "import ctypes; ctypes.CDLL('libgomp.so.1')" 2>/dev/null \
 USER rackhand
 COPY --from=build-controller /venv /venv
 # Compiled here once, so that no container has to before it is ready.
-RUN python -c "from rackhand.services.controller.warm_up import *; warm_up(ik.load_arm('ur5e'), 4_000_000)"
+RUN python -m rackhand.services.controller.warm_up
 CMD ["python", "-m", "rackhand.services.controller", "--robot", "arm1", "--arm", "ur5e", "--state-dir", "/state"]
 
 FROM runtime AS gateway

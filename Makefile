@@ -1,25 +1,28 @@
 # make run    starts the cell (ARGS="--world empty --speed max" passes options on; `make run ARGS=--help` lists them)
 # make test   runs the tests  (ARGS="tests/planner -k corridor" passes options on)
-# make lint   checks style, types and the rules of the house
+# make lint   checks style, types, the rules of the house, and the documentation's links
 # make bench  runs the benchmarks (ARGS=bus picks one), beside other libraries where there are some
 # make docs   renews the generated tables in README.md and docs/, the AsyncAPI document and the access-control lists
+# make site   builds the documentation into build/site and checks its links, without network
 # Each makes its own environment in .venv first; it is made anew only when pyproject.toml changes.
 
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 ARGS   ?=
+SITE   := NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
 
-.PHONY: run test lint docs bench clean
+.PHONY: run test lint docs site bench clean
 
 run: $(VENV)/.run
 	@exec $(BIN)/rackhand up $(ARGS)
 
-# Cells are several processes each and have the machine to themselves; what needs none is tested on all cores first.
+# What needs no processes is tested first. Cells are several processes each that mostly wait for each other: two at a time.
 test: $(VENV)/.dev
 ifeq ($(strip $(ARGS)),)
 	@$(BIN)/pytest -m "not system" --numprocesses logical
-	@$(BIN)/pytest -m system
+	@$(BIN)/pytest -m system --numprocesses 2 --dist loadfile
 else
 	@$(BIN)/pytest $(ARGS)
 endif
@@ -29,9 +32,15 @@ lint: $(VENV)/.dev
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
+	@$(SITE)
 
 docs: $(VENV)/.dev
 	@$(BIN)/python -m rackhand.services.launch.reference README.md docs/*.md docs/asyncapi.json docs/access.json5
+	@$(BIN)/python -m rackhand.services.gateway.reference docs/http.md
+
+site: $(VENV)/.dev
+	@$(SITE)
+	@echo "open build/site/index.html"
 
 bench: $(VENV)/.bench
 	@$(BIN)/python -m benchmarks $(ARGS)
@@ -42,17 +51,20 @@ clean:
 # Stamps: which set of dependencies the environment holds, as of which pyproject.toml.
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml
 	@echo "rackhand: installing what the cell needs into $(VENV) (once; a minute or two)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@$(PIP) .
+	@$(BIN)/rackhand prepare
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/bin/python pyproject.toml
 	@echo "rackhand: installing the cell and its test tools into $(VENV) (once; a minute or two)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(PIP) '.[dev]'
+	@$(BIN)/rackhand prepare
 	@touch $@ $(VENV)/.run
 
 $(VENV)/.bench: $(VENV)/bin/python pyproject.toml
 	@echo "rackhand: installing the cell, its test tools and the libraries to measure against into $(VENV) (once; a few minutes)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@$(PIP) '.[bench]'
+	@$(BIN)/rackhand prepare
 	@touch $@ $(VENV)/.dev $(VENV)/.run
 
 $(VENV)/bin/python:

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # usage: docker_check.sh [BASE.tar]   With an engine at hand: see docker_proof.sh.
+# Where GO_AHEAD names a file, the images are built at once and started when that file is there: a build mostly waits for
+# the disk, so it may run beside tests, and what is started has the machine to itself.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export COMPOSE_PROJECT_NAME=rackhand-check
@@ -25,6 +27,8 @@ log=$(mktemp)
 docker compose --progress plain build >"$log" 2>&1 || { tail -n 60 "$log"; exit 1; }
 rm "$log"
 docker image ls --format '  {{.Repository}} {{.Size}}' | grep "$COMPOSE_PROJECT_NAME"
+
+while [ -n "${GO_AHEAD:-}" ] && [ ! -e "$GO_AHEAD" ]; do sleep 1; done
 
 say "up"
 docker compose up -d --wait --wait-timeout 240

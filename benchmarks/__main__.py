@@ -10,6 +10,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from benchmarks.progress import shown
+
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 NAMES = (
     "align",
@@ -19,6 +21,8 @@ NAMES = (
     "encounters",
     "first_motion",
     "follow",
+    "goals",
+    "random_goals",
     "planning",
     "planner_tick",
     "rack_jobs",
@@ -45,15 +49,20 @@ def main() -> None:
     some.add_argument("--data", type=Path, help="barn: file of the worlds (those of the repository if none is named)")
     some.add_argument("--worlds", type=int, help="barn: drive so many of them, evenly spread (all if none is named)")
     some.add_argument("--count", type=int, help="encounters: so many of them, from the first on (200 if none is named)")
+    some.add_argument("--minutes", type=int, help="random_goals: so many of simulation (120 if none is named)")
     some.add_argument(
-        "--results", type=Path, help="barn, encounters: file from which a run goes on (NAME-results.jsonl)"
+        "--results",
+        type=Path,
+        help="barn, encounters, random_goals: file from which a run goes on (NAME-results.jsonl)",
     )
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - set(NAMES):
         parser.error(f"no benchmark {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
     for name in arguments.names or NAMES:
         module = importlib.import_module(f"benchmarks.{name}")
-        text = (module.run(_options(module, arguments)) if hasattr(module, "Options") else module.run()).markdown()
+        with shown(name):
+            report = module.run(_options(module, arguments)) if hasattr(module, "Options") else module.run()
+        text = report.markdown()
         print(text, flush=True)
         if arguments.write:
             write_section(text)

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.progress import track
 
+from benchmarks.progress import track
 from benchmarks.report import Report, Table, median, percentile
 from rackhand.schemas import planar
 from rackhand.schemas.base import Pose2

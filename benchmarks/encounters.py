@@ -21,9 +21,8 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from rich.console import Console
-from rich.progress import track
 
+from benchmarks.progress import say, track
 from benchmarks.report import Report, percentile
 from rackhand.schemas.base import NANOSECONDS, Pose2
 from rackhand.schemas.moves import TERMINAL
@@ -97,16 +96,15 @@ class Options:
 def run(options: Options | None = None) -> Report:
     chosen = options or Options()
     done = read(chosen.results)
-    console = Console(stderr=True)
     empty: dict[Ground, float] = {}
-    for number in track([n for n in range(chosen.count) if n not in done], "encounters", console=console):
+    for number in track([n for n in range(chosen.count) if n not in done], "encounters"):
         encounter = encounter_of(number)
         if encounter.ground not in empty:
             empty[encounter.ground] = time_alone(encounter.ground)
         done[number] = meet(encounter, empty[encounter.ground])
         with chosen.results.open("a") as file:
             file.write(json.dumps(asdict(done[number])) + "\n")
-        console.print(sentence(done[number]))
+        say(sentence(done[number]))
     return report([done[number] for number in range(chosen.count)])
 
 

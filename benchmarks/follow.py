@@ -7,8 +7,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from rich.progress import track
 
+from benchmarks.progress import track
 from benchmarks.report import Report, median
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import FollowTarget

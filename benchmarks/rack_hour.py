@@ -11,9 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console
-from rich.progress import Progress
-
+from benchmarks.progress import update
 from benchmarks.rack_jobs import OFF, TURNED, forbidden
 from benchmarks.report import Report
 from rackhand.schemas import topics
@@ -25,11 +23,11 @@ from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.jacking import REACHED
 from rackhand.services.planner.load import LoadState
 from rackhand.services.planner.map.overlays import PointOfInterest
+from rackhand.testing import turn
 from rackhand.worlds.scatter import scattered
 from rackhand.worlds.world_model import World, load_world
 from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
-from tests.system.judge import turn
 
 HOUR = 3600.0
 STEP = 0.2  # s between two looks of the client
@@ -100,11 +98,9 @@ def drive(seconds: float, seed: int, interrupted: bool, people: bool) -> Tally:
     with tempfile.TemporaryDirectory() as folder, JoinedWorld(world, Path(folder), seed=seed) as joined:
         joined.advance(0.4)
         client = Client(joined.chassis(), world, random.Random(seed), interrupted)
-        with Progress(console=Console(stderr=True)) as progress:
-            bar = progress.add_task("rack jobs", total=seconds)
-            while joined.now() < seconds:
-                client.job()
-                progress.update(bar, completed=joined.now())
+        while joined.now() < seconds:
+            client.job()
+            update("simulated seconds of rack jobs", round(joined.now()), round(seconds))
         client.judge()
         client.tally.touched = forbidden(joined.inspect().touches, world)
     return client.tally

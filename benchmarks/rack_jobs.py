@@ -10,9 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console
-from rich.progress import track
-
+from benchmarks.progress import track
 from benchmarks.report import Report, median
 from rackhand.schemas import planar
 from rackhand.schemas.chassis import JackRequest
@@ -20,11 +18,11 @@ from rackhand.schemas.maps import PointType
 from rackhand.schemas.world import Touch
 from rackhand.services.planner.load import LoadState
 from rackhand.services.planner.map.overlays import MapOverlays, PointOfInterest, Zone
+from rackhand.testing import turn
 from rackhand.worlds.scatter import scattered
 from rackhand.worlds.world_model import World, load_world
 from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
-from tests.system.judge import turn
 
 Sort = Literal["point to point", "point to area", "area to area"]
 SORTS: tuple[Sort, ...] = ("point to point", "point to area", "area to area")
@@ -59,7 +57,7 @@ class _Failed(Exception):
 
 def run() -> Report:
     jobs = [Job(sort, kind, seed) for sort in SORTS for kind in KINDS for seed in SEEDS]
-    done = [carry_out(job) for job in track(jobs, "rack jobs", console=Console(stderr=True))]
+    done = [carry_out(job) for job in track(jobs, "rack jobs")]
     return report(done)
 
 

@@ -7,8 +7,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from rich.progress import track
 
+from benchmarks.progress import track
 from benchmarks.report import Report, Table, median
 from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2

@@ -22,6 +22,7 @@ from typing import Any, TypeVar, cast
 from numba import njit
 
 F = TypeVar("F", bound=Callable[..., Any])
+_dispatchers: list[Any] = []
 
 
 def compiled(function: F) -> F:
@@ -44,9 +45,18 @@ def inlined(function: F) -> F:
     return _compiled(function, forceinline=True, error_model="numpy")
 
 
+def ready_functions() -> tuple[int, int]:
+    """How many of the functions of this process have machine code, compiled or loaded, and how many there are.
+
+    Where a function was loaded from the cache, those that only it calls are not counted: they are part of its code.
+    """
+    return sum(bool(dispatcher.signatures) for dispatcher in _dispatchers), len(_dispatchers)
+
+
 def _compiled(function: F, **options: Any) -> F:
     dispatcher = njit(cache=True, **options)(function)
     if not inspect.isfunction(dispatcher):
+        _dispatchers.append(dispatcher)
         kept = dispatcher._cache._cache_file
         kept._source_stamp = (kept._source_stamp, _stamp_of(Path(inspect.getfile(function)), function.__module__))
     return cast("F", dispatcher)

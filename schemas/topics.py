@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, Literal, TypeVar
 
-from rackhand.schemas import chassis, lift, maps, motion, moves, parameters, racks, service, world
+from rackhand.schemas import chassis, explain, lift, maps, motion, moves, parameters, racks, service, world
 from rackhand.schemas import websocket as ws
 from rackhand.schemas import websocket_racks as ws_racks
 from rackhand.schemas.base import NANOSECONDS, Message
@@ -193,6 +193,8 @@ SCENE = _world("scene", world.Scene, ("viewer",), 0, Qos.LATCHED, "geometry of t
 
 MOVES = Query("moves/command", "rackhand/{robot}/moves/command", "chassis", moves.MoveRequest, moves.MoveReply,
               "planner", ("gateway", "node"), "create, get, list, cancel moves")
+EXPLAIN = Query("moves/explain", "rackhand/{robot}/moves/explain", "chassis", explain.ExplainMove,
+                explain.ExplainReply, "planner", ("gateway", "node"), "why a move failed, waits or is slow")
 CHASSIS_REQUEST = Query("chassis/request", "rackhand/{robot}/chassis/request", "chassis", chassis.ChassisRequest,
                         chassis.Done, "planner", ("gateway", "node"),
                         "jack, control mode, emergency stop, remote twist, target to follow, set pose")

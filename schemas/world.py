@@ -142,14 +142,16 @@ class MoveRobot(Message):
 class InjectFault(Message):
     """Cause a fault of ``rackhand.schemas.faults``, or (``active=False``) clear it.
 
-    ``target``: name of the chassis or rack that has it. ``part``: which of its parts, as one of the legs of a rack;
-    None for all of them.
+    ``target``: name of the chassis, rack or other thing that has it. ``part``: which of its parts, as one of the legs
+    of a rack; None for all of them. ``amount``: how much of it, None for the default. ``pose``: where, or how far.
     """
 
     op: Literal["fault"] = "fault"
     target: str
     fault: FaultName
     part: Annotated[int, Field(ge=0)] | None = None
+    amount: float | None = None
+    pose: Pose2 | None = None
     active: bool = True
 
 

@@ -17,19 +17,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import track
-
 from benchmarks.barn.plot import plot
 from benchmarks.barn.score import BEST, KINDS, TOP_SPEED, Result, cause, speed_kinds
+from benchmarks.progress import say, track
 from benchmarks.report import Report, Table, percentile
 from rackhand.schemas.moves import TERMINAL
 from rackhand.services.sim.world.barn import write_barn_world
+from rackhand.testing import Cell, Judge, distance
 from rackhand.worlds.data import WORLDS_PATH
 from rackhand.worlds.world_model import load_world
-from tests.system.cell import Cell
 from tests.system.driving import Driver
-from tests.system.judge import Judge, distance
 
 DATA = Path(__file__).with_name("worlds.json")
 ACCURACY = 0.5  # m of the zone that is asked for
@@ -55,13 +52,12 @@ def run(options: Options | None = None) -> Report:
     chosen = options or Options()
     numbers = spread(sorted(json.loads(chosen.data.read_text())["worlds"], key=int), chosen.worlds)
     done = read(chosen.results)
-    console = Console(stderr=True)
-    for number in track([n for n in numbers if n not in done], "BARN", console=console):
+    for number in track([n for n in numbers if n not in done], "BARN"):
         done[number] = drive(chosen.data, number)
         with chosen.results.open("a") as file:
             file.write(json.dumps(done[number].record()) + "\n")
         result = done[number]
-        console.print(f"world {number}: {result.state}, AT/OT {result.ratio:.2f}, score {result.score:.3f}")
+        say(f"world {number}: {result.state}, AT/OT {result.ratio:.2f}, score {result.score:.3f}")
     results = [done[number] for number in numbers]
     chosen.results.with_suffix(".svg").write_text(plot(results))
     return report(results)
@@ -88,7 +84,7 @@ def drive(data: Path, number: str) -> Result:
         write_barn_world(data, number, folder / f"barn_{number}")
         environment = {WORLDS_PATH: name}
         with (
-            Cell(folder, "--world", f"barn_{number}", "--lockstep", "--speed", "max", environment=environment) as cell,
+            Cell(folder, world=f"barn_{number}", crf=False, environment=environment) as cell,
             Judge(cell.bus) as judge,
         ):
             driver = Driver(cell, judge)

@@ -14,6 +14,7 @@ import typer
 from rackhand.bus import Bus
 from rackhand.bus.log import configure_logging, get_logger
 from rackhand.runtime.memory import freeze_gc
+from rackhand.runtime.preparation import logged_progress
 from rackhand.runtime.priority import run_in_real_time, set_short_slice
 from rackhand.schemas.crf_requests import OPTIONAL_COMMANDS
 from rackhand.schemas.service import ServiceId
@@ -95,8 +96,8 @@ def main(
     set_short_slice()
     sys.setswitchinterval(SWITCH_INTERVAL)
     period_ns = SECOND // rate
-    log.info("loading compiled code; the first start compiles it, which takes minutes")
-    warm_up(model, period_ns)
+    with logged_progress(log):
+        warm_up(model, period_ns)
     access = AccessConfig(keep_alive_ns=int(keep_alive * SECOND), strict_crf=strict_crf, retry_ns=int(retry * SECOND))
     audit = AuditWriter(audit_log, lambda error: log.error("the audit log cannot be written", error=str(error)))
     with (

@@ -1,4 +1,7 @@
-"""Uses everything once that is compiled or imported at its first use, before the arm is ready."""
+"""Uses everything once that is compiled or imported at its first use, before the arm is ready.
+
+``python -m rackhand.services.controller.warm_up`` is a part of ``rackhand prepare``.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rackhand.runtime.preparation import prepare
 from rackhand.schemas.motion import ArmState
 from rackhand.services.controller import ik
 from rackhand.services.controller.controller import Controller
@@ -55,3 +59,7 @@ def warm_up(arm: ik.Arm, period_ns: int) -> None:
             command = controller.tick(state, lockstep=True)
             q = command.values if command.mode == "position" else q
             stamp += period_ns
+
+
+if __name__ == "__main__":
+    prepare(lambda: warm_up(ik.load_arm("ur5e"), 4_000_000))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Protocol, TypeVar, cast
 
@@ -22,6 +23,7 @@ from rackhand.services.gateway.ws.broadcast import Hub
 
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
+_HOST = re.compile(r"[A-Za-z0-9.\-_]+(:\d+)?|\[[0-9A-Fa-f:.]+\](:\d+)?")
 
 
 class BusClient(Protocol):
@@ -96,6 +98,12 @@ def get_context(connection: HTTPConnection) -> Context:
     app: Any = connection.app
     shared = cast(Shared, app.state.shared)
     return Context(shared, robot_of(connection.scope) or shared.fleet.default, prefix_of(connection.scope))
+
+
+def root_of(request: HTTPConnection, context: Context) -> str:
+    """``http://host:port`` as the client called it, with the path of the robot."""
+    host = request.headers.get("host", "")
+    return f"{request.scope['scheme']}://{host if _HOST.fullmatch(host) else 'localhost'}{context.prefix}"
 
 
 Gateway = Annotated[Context, Depends(get_context)]

@@ -136,10 +136,13 @@ async def _announce(running: Supervisor, options: CellOptions, blind: str) -> No
         health = await asyncio.to_thread(ask_health, options.http.url)
         if health is not None and health.all_up:
             break
+        waited = time.monotonic() - begun
+        running.show_status(f"starting, {waited:.0f} s: {_missing(health)}")
         if time.monotonic() > complain_at:
             complain_at += SLOW_START
-            running.say(f"not ready after {time.monotonic() - begun:.0f} s: {_missing(health)}")
+            running.say(f"not ready after {waited:.0f} s: {_missing(health)}")
         await asyncio.sleep(0.2)
+    running.show_status("")
     running.say(f"ready after {time.monotonic() - begun:.1f} s; Ctrl-C stops the cell")
     for what, where in _places(options):
         running.say(f"  {what:<10} {where}")

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -17,6 +18,8 @@ from rackhand.services.launch import asyncapi as contract
 from rackhand.services.launch.cell import CELL_FILE, CannotStart, run_cell
 from rackhand.services.launch.health import Health, ask_health
 from rackhand.services.launch.motion import CannotAsk, send_command
+from rackhand.services.launch.prepare import CannotPrepare
+from rackhand.services.launch.prepare import prepare as prepare_services
 from rackhand.services.launch.processes import Address, CellOptions
 from rackhand.services.launch.viewing import CannotView, open_viewer, record_cell
 
@@ -143,6 +146,19 @@ def up(
     raise typer.Exit(code)
 
 
+@app.command(epilog=_examples("rackhand prepare"))
+def prepare() -> None:
+    """Compile the code that services compile at their first start; `make run` and `make test` do it once.
+
+    It takes a minute or two, and some seconds when it has been done before.
+    """
+    try:
+        seconds = prepare_services()
+    except CannotPrepare as error:
+        _fail(str(error))
+    typer.echo(f"rackhand: compiled code is ready after {seconds:.0f} s")
+
+
 @app.command(epilog=_examples("rackhand status", "rackhand status --url http://127.0.0.1:8091"))
 def status(
     url: Annotated[
@@ -245,10 +261,42 @@ def world(context: typer.Context) -> None:
 
     `rackhand world --help` shows the commands.
     """
-    command = [sys.executable, "-m", "rackhand.services.sim.world.commands", *context.args]
     bus = _known(DEFAULTS.state_dir, "bus")
     found = {"RACKHAND_BUS_CONNECT": bus} if bus is not None else {}
-    raise typer.Exit(subprocess.run(command, check=False, env=found | os.environ).returncode)
+    _run_module("rackhand.services.sim.world.commands", context.args, found | os.environ)
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+    epilog=_examples("rackhand scenario list", "rackhand scenario run rack_missing", "rackhand scenario run warehouse"),
+)
+def scenario(context: typer.Context) -> None:
+    """List, check and run scenarios: what goes wrong, when, and what must follow.
+
+    `rackhand scenario --help` shows the commands.
+    """
+    _run_module("rackhand.scenarios", context.args, os.environ)
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+    epilog=_examples(
+        "rackhand sweep rack_missing lidar_dead --seeds 100",
+        "rackhand sweep rack_slides_on_the_jack --set planner.control.max_forward_velocity=0.6,1.2",
+    ),
+)
+def sweep(context: typer.Context) -> None:
+    """Run scenarios with many seeds and settings, on all cores or on a Dask cluster.
+
+    `rackhand sweep --help` shows the options.
+    """
+    _run_module("rackhand.scenarios", ["sweep", *context.args], os.environ)
+
+
+def _run_module(module: str, arguments: Sequence[str], environment: Mapping[str, str]) -> NoReturn:
+    """Commands of a package that `rackhand` does not import."""
+    command = [sys.executable, "-m", module, *arguments]
+    raise typer.Exit(subprocess.run(command, check=False, env=environment).returncode)
 
 
 def _known(state_dir: Path, fact: str) -> str | None:

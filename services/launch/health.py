@@ -41,8 +41,15 @@ def ask_health(url: str, timeout: float = 1.0) -> Health | None:
         with _opener.open(f"{url}/healthz", timeout=timeout) as answer:
             return _read(200, answer.read())
     except urllib.error.HTTPError as error:
-        return _read(error.code, error.read())
+        return _read_error(error)
     except (OSError, http.client.HTTPException):
+        return None
+
+
+def _read_error(error: urllib.error.HTTPError) -> Health | None:
+    try:
+        return _read(error.code, error.read())
+    except (OSError, http.client.HTTPException):  # on a busy machine the body may come too late
         return None
 
 

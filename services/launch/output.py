@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import codecs
 import os
+import shutil
 import sys
 from collections.abc import Callable
 from datetime import datetime
@@ -12,19 +13,37 @@ from datetime import datetime
 LONGEST_LINE = 4096
 
 
+ERASE_LINE = "\r\x1b[K"
+
+
 class Output:
-    """Writes lines to standard output, at once. ``on_closed`` is called when nobody reads it any more."""
+    """Writes lines to standard output, at once. ``on_closed`` is called when nobody reads it any more.
+
+    In a terminal, a status is kept as the last line.
+    """
 
     def __init__(self, names: list[str]) -> None:
         self._width = max(map(len, names))
         self.on_closed: Callable[[], None] = lambda: None
         self._closed = False
+        self._status = ""
 
     def line(self, name: str, text: str) -> None:
+        line = f"{datetime.now():%H:%M:%S} {name:<{self._width}}  {text}\n"
+        self._write(f"{ERASE_LINE}{line}{self._status}" if self._status else line)
+
+    def status(self, text: str) -> None:
+        """Show this below the lines, cut to the terminal's width; nothing if empty or not in a terminal."""
+        if not sys.stdout.isatty():
+            return
+        self._status = text[: shutil.get_terminal_size().columns - 1]
+        self._write(f"{ERASE_LINE}{self._status}")
+
+    def _write(self, text: str) -> None:
         if self._closed:
             return
         try:
-            print(f"{datetime.now():%H:%M:%S} {name:<{self._width}}  {text}", flush=True)
+            print(text, end="", flush=True)
         except (BrokenPipeError, OSError):
             self._closed = True
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains once more at its end

@@ -55,6 +55,10 @@ class Supervisor:
         """A line of the supervisor's own."""
         self._output.line(SELF, text)
 
+    def show_status(self, text: str) -> None:
+        """Below the lines of a terminal, until the next one; empty for none."""
+        self._output.status(text)
+
     async def run(self) -> int:
         """Returns the exit code: 0 after a signal asked it to stop, 1 when a process can never start."""
         self._output.on_closed = self._stop.set
@@ -67,6 +71,7 @@ class Supervisor:
         try:
             await self._stop.wait()
         finally:
+            self.show_status("")
             if watcher is not None:
                 watcher.cancel()
                 with suppress(asyncio.CancelledError):

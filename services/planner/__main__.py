@@ -12,6 +12,7 @@ import typer
 from rackhand.bus import Bus
 from rackhand.bus.log import configure_logging, get_logger
 from rackhand.runtime.memory import freeze_gc
+from rackhand.runtime.preparation import logged_progress
 from rackhand.runtime.priority import PLANNER, set_niceness
 from rackhand.schemas.service import ServiceId
 from rackhand.services.planner.chassis import Chassis, ChassisSettings
@@ -79,9 +80,10 @@ def main(
     try:
         with PlannerStore(path, robot, history) as kept, ThreadPoolExecutor(1, thread_name_prefix="plan") as planning:
             _prepare(kept, map_directory)
-            log.info("loading compiled code; the first start compiles it, which takes minutes")
-            warm_up(navigation)
-            chassis = Chassis(Motion(navigation, planning), kept.moves, kept.maps, kept.parameters, settings, kept.load)
+            with logged_progress(log):
+                warm_up(navigation)
+            motion = Motion(navigation, planning)
+            chassis = Chassis(motion, kept.moves, kept.maps, kept.parameters, settings, kept.load, kept.explanations)
             with Bus(ServiceId("planner", robot)) as bus:
                 bus.handle_signals()
                 freeze_gc()

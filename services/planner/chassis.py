@@ -23,6 +23,7 @@ from rackhand.schemas.chassis import (
     SetEmergencyStop,
     SetPose,
 )
+from rackhand.schemas.explain import Evidence, ExplainMove, ExplainReply
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapReply, MapRequest
 from rackhand.schemas.moves import (
@@ -43,6 +44,7 @@ from rackhand.services.planner.behaviors.base import Done as Succeeded
 from rackhand.services.planner.behaviors.base import Drive, Status
 from rackhand.services.planner.behaviors.running import RunningMove
 from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.explainer import Explainer
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import JackOrders
 from rackhand.services.planner.load import LoadRecord, UnkeptLoad
@@ -51,6 +53,7 @@ from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteSettings
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
+from rackhand.services.planner.moves.explanations import ExplanationRecords, UnkeptExplanations
 from rackhand.services.planner.parameters import Basis, ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState, Followed
 from rackhand.services.planner.rack_reports import RackReports
@@ -89,8 +92,10 @@ class Chassis:
         parameters: ParameterStore,
         settings: ChassisSettings | None = None,
         load: LoadRecord | None = None,
+        explanations: ExplanationRecords | None = None,
     ) -> None:
-        """``load``: where the load state is kept; without it, it lasts as long as the process."""
+        """``load``, ``explanations``: where the load state, and explanations of moves, are kept; without them, they
+        last as long as the process."""
         self._settings = settings or ChassisSettings()
         self._motion = motion
         self._book = MoveBook(moves)
@@ -100,6 +105,7 @@ class Chassis:
         self._jack = JackOrders()
         self._load = load or UnkeptLoad()
         motion.load = self._load.load
+        self._explainer = Explainer(motion, explanations or UnkeptExplanations())
         self._state = ChassisState()
         self._reports = Reports()
         self._racks = RackReports(self._reports)
@@ -188,6 +194,8 @@ class Chassis:
         else:
             wanted, limits = self._remote(), self._remote_limits().within(limits)
         self._commanded = self._motion.command(wanted, self._state, limits)
+        allowed = self.parameters.values.max_forward_velocity
+        self._explainer.note(stamp, self._status, self._state.odometry.twist, self._commanded, allowed)
         may_jack = self._commanded == STANDSTILL and self._measured_at_rest() and not self._modes.emergency_stop
         jack = self._jack.command(self._state.jack, stamp, may_jack)
         self._report()
@@ -219,7 +227,7 @@ class Chassis:
             move.prepare()
             outcome = None if self._is_held(move) else self._motion.step(self._state)
         except MoveFailed as failed:
-            self._fail(failed.reason, failed.text)
+            self._fail(failed.reason, failed.text, failed.evidence)
             return None
         status = move.status()
         self._note(status if move.held_by is None else replace(status, stuck_state="none"))
@@ -308,13 +316,20 @@ class Chassis:
         if direction is not None and self.parameters.values.refuse_moves_while_jacking:
             raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is moving {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
+        if replaced is not None:
+            self._explainer.end(self._stamp, replaced)
         self._motion.begin(wanted)
+        self._explainer.begin(self._stamp)
         self._state.followed = None
         self._status, self._distance = Status(), 0.0
         if replaced is not None:
             self._reports.event(self._stamp, replaced.id, "replaced", f"replaced by move {move.id}")
         self._reports.event(self._stamp, move.id, "created", move.type)
         self._report()
+
+    def explain(self, request: ExplainMove) -> ExplainReply:
+        """Why a move failed, waits or is slow."""
+        return self._explainer.answer(request, self._book, self._stamp)
 
     def _pause(self, move_id: int, paused: bool) -> None:
         running = self._motion.move
@@ -399,11 +414,17 @@ class Chassis:
 
     # -- ends and reports --------------------------------------------------------------------------------------------
 
-    def _fail(self, reason: MoveFailReason, text: str) -> None:
+    def _fail(self, reason: MoveFailReason, text: str, evidence: Evidence | None = None) -> None:
         if self._book.current is not None:
-            self._end("failed", reason, text)
+            self._end("failed", reason, text, evidence)
 
-    def _end(self, state: EndState, reason: MoveFailReason = MoveFailReason.NONE, text: str = "") -> None:
+    def _end(
+        self,
+        state: EndState,
+        reason: MoveFailReason = MoveFailReason.NONE,
+        text: str = "",
+        evidence: Evidence | None = None,
+    ) -> None:
         last = self._status
         self._status = Status(target=last.target, intent_target=last.intent_target, passed_points=last.passed_points)
         try:
@@ -412,10 +433,12 @@ class Chassis:
             move = self._book.end(state, self._now(), reason, text)
             self._reports.event(self._stamp, move.id, state, f"{reason.rest_name}: {text}" if reason else text)
             self._report()
+        self._explainer.end(self._stamp, move, evidence)
 
     def _report(self) -> None:
         move, running, status = self._book.last, self._motion.move, self._status
-        self._reports.planning(planning_state(self._stamp, self._maps.current, move, running, status, self._distance))
+        current, in_lift = self._maps.current, self._motion.is_in_lift
+        self._reports.planning(planning_state(self._stamp, current, move, running, status, self._distance, in_lift))
         self._reports.path(self._stamp, self._status)
         self._reports.footprint(self._stamp, self._motion.footprint, self.parameters.values.footprint_expansion)
         self._reports.load(self._stamp, self._motion.load)

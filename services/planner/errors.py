@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from rackhand.schemas.explain import Evidence
 from rackhand.schemas.fail_reasons import MoveFailReason
 
 
 class MoveFailed(Exception):
-    """A move cannot go on: the reason clients get as a number, and the text that says what, where and by how much."""
+    """A move cannot go on: the reason clients get as a number, the text that says what, where and by how much, and what
+    of it is known as data."""
 
-    def __init__(self, reason: MoveFailReason, text: str) -> None:
+    def __init__(self, reason: MoveFailReason, text: str, evidence: Evidence | None = None) -> None:
         super().__init__(f"{reason.rest_name}: {text}")
         self.reason = reason
         self.text = text
+        self.evidence = evidence or Evidence()
 
 
 class StoreError(Exception):

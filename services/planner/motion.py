@@ -23,6 +23,7 @@ from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.load import Load, LoadState, Measured, next_load
 from rackhand.services.planner.perception.carried_rack import WITNESSES, CarriedRack, objects_under
 from rackhand.services.planner.perception.chassis_state import ChassisState
+from rackhand.services.planner.perception.lift_view import is_in_lift
 from rackhand.services.planner.perception.pipeline import Perception
 from rackhand.services.planner.planning.worker import PlanWorker
 from rackhand.services.planner.settings import Limits, NavigationSettings
@@ -66,6 +67,14 @@ class Motion:
     def own_limits(self) -> Limits | None:
         """What the chassis can do without a load, within the operator's caps; None before ``set_model``."""
         return None if self._body is None else self._unloaded
+
+    @property
+    def is_in_lift(self) -> bool:
+        """Whether the whole chassis, with its load, is in the cabin of a lift of the map."""
+        costmap, pose = self.perception.costmap, self.perception.pose
+        if costmap is None or pose is None or self.footprint is None:
+            return False
+        return is_in_lift(costmap.static.overlays, se2.transformed(pose, self.footprint.polygon))
 
     def set_limits(self, limits: Limits, load: float = 0.0) -> None:
         """Command no more than this from the next tick on, also of the running move; ``set_model`` ends it.

@@ -64,7 +64,12 @@ class Reports:
             self.event(stamp, move_id, "replanned", f"{now.remaining_distance:.2f} m left")
         was_stuck = before.stuck_state != "none"
         if was_stuck != (now.stuck_state != "none"):
-            self.event(stamp, move_id, "unblocked" if was_stuck else "blocked", "" if was_stuck else now.stuck_state)
+            self.event(
+                stamp,
+                move_id,
+                "unblocked" if was_stuck else "blocked",
+                "" if was_stuck else now.notice or now.stuck_state,
+            )
 
     def map(self, stamp: int, data: MapData | None) -> None:
         self._put(topics.MAP, CurrentMap(stamp=stamp, map=data))
@@ -152,8 +157,9 @@ def planning_state(
     running: RunningMove | None,
     status: Status,
     remaining_distance: float,
+    in_lift: bool = False,
 ) -> PlanningState:
-    """Of the running or last move, which is ``running`` if it has not ended."""
+    """Of the running or last move, which is ``running`` if it has not ended. ``in_lift``: where the chassis is."""
     map_uid = "" if current is None else current.uid
     if move is None:
         return PlanningState(stamp=stamp, map_uid=map_uid)
@@ -166,7 +172,7 @@ def planning_state(
         action_type=move.type,
         move_state=move.state,
         fail_reason=move.fail_reason,
-        message=(running.held_by if running is not None else None) or move.fail_message,
+        message=(running.held_by if running is not None else None) or status.notice or move.fail_message,
         paused=running is not None and running.paused,
         remaining_distance=remaining_distance,
         target=None if has_intent else status.target or requested,
@@ -174,7 +180,7 @@ def planning_state(
         intent_target=(status.intent_target or requested) if has_intent else None,
         stuck_state=status.stuck_state,
         viewport_blocked=status.viewport_blocked,
-        flags=tuple(sorted(status.flags)),
+        flags=tuple(sorted(status.flags | ({"in_elevator"} if in_lift else frozenset()))),
         passed_points=status.passed_points,
     )
 

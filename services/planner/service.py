@@ -68,6 +68,7 @@ class PlannerService:
             else:
                 self._loop.measure(topic, chassis.on_message, triggers=topic is topics.ODOMETRY)
         self._serve(topics.MOVES, chassis.moves)
+        self._serve(topics.EXPLAIN, chassis.explain)
         self._serve(topics.CHASSIS_PARAMETERS, chassis.parameters.answer)
         self._serve(topics.MAPS, chassis.maps)
         self._serve(topics.CHASSIS_REQUEST, self._answer_chassis)

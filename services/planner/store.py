@@ -11,6 +11,7 @@ from rackhand.runtime.store import Settled, StoreThread
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.load import LoadStore
 from rackhand.services.planner.map.store import MapStore
+from rackhand.services.planner.moves.explanations import ExplanationStore
 from rackhand.services.planner.moves.records import HISTORY_LIMIT, MoveStore
 from rackhand.services.planner.parameters import ParameterStore
 
@@ -34,6 +35,7 @@ class PlannerStore:
             self.moves, self.maps = MoveStore(self._thread, history_limit), MapStore(self._thread)
             self.parameters = ParameterStore(self._thread)
             self.load = LoadStore(self._thread)
+            self.explanations = ExplanationStore(self._thread)
         except BaseException:
             self._thread.close()
             raise

@@ -1,4 +1,7 @@
-"""Drives a short imaginary move so that every compiled function exists before a real one begins."""
+"""Drives a short imaginary move so that every compiled function exists before a real one begins.
+
+``python -m rackhand.services.planner.warm_up`` is a part of ``rackhand prepare``.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from PIL import Image
 
+from rackhand.runtime.preparation import prepare
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import LocalisedPose, Odometry, Scan
 from rackhand.schemas.maps import MapData
@@ -121,3 +125,7 @@ def _measured(stamp: int) -> ChassisState:
     state.take(LocalisedPose(stamp=stamp, pose=pose, covariance=np.eye(3), quality=8))
     state.take(Odometry(stamp=stamp, pose=pose, twist=STANDSTILL, wheel_velocities=(0.0, 0.0)))
     return state
+
+
+if __name__ == "__main__":
+    prepare(lambda: warm_up(NavigationSettings()))

@@ -9,8 +9,9 @@ from typing import Annotated
 import typer
 
 from rackhand.bus import Bus
-from rackhand.bus.log import configure_logging
+from rackhand.bus.log import configure_logging, get_logger
 from rackhand.runtime.memory import freeze_gc
+from rackhand.runtime.preparation import logged_progress
 from rackhand.runtime.priority import set_short_slice
 from rackhand.schemas.service import WORLD, ServiceId
 from rackhand.services.sim.chassis.noise import NoiseSettings
@@ -24,6 +25,8 @@ from rackhand.worlds.chassis_model import load_profiles
 from rackhand.worlds.data import WorldFileError
 from rackhand.worlds.scatter import scattered
 from rackhand.worlds.world_model import load_world
+
+log = get_logger(__name__)
 
 _HELP = """
 The simulator: MuJoCo physics of a world, on the bus.
@@ -105,14 +108,15 @@ def main(
         robots = {*profiles, *loaded.arms}
         if unknown := {service.robot for service in awaited} - robots:
             raise WorldFileError(f"--wait-for names {sorted(unknown)}; robots of {loaded.name}: {sorted(robots)}")
-        session = Session(
-            build=lambda chosen: Simulation(
-                scattered(loaded, chosen, rack_offset, rack_turn), profiles, chosen, settings
-            ),
-            new_run=lambda: Run(uuid.uuid4().hex[:12], time.time_ns()),
-            seed=loaded.seed if seed is None else seed,
-            pacer=Pacer(loaded.control_step_ns, pace, lockstep, paused, awaited),
-        )
+        with logged_progress(log):
+            session = Session(
+                build=lambda chosen: Simulation(
+                    scattered(loaded, chosen, rack_offset, rack_turn), profiles, chosen, settings
+                ),
+                new_run=lambda: Run(uuid.uuid4().hex[:12], time.time_ns()),
+                seed=loaded.seed if seed is None else seed,
+                pacer=Pacer(loaded.control_step_ns, pace, lockstep, paused, awaited),
+            )
     except WorldFileError as error:
         typer.echo(f"sim: {error}", err=True)
         raise typer.Exit(2) from None

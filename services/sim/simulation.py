@@ -31,7 +31,8 @@ from rackhand.services.sim.mjcf.scene import build_model
 from rackhand.services.sim.physics import Physics
 from rackhand.services.sim.world import scenery
 from rackhand.services.sim.world.contact_log import ContactLog
-from rackhand.services.sim.world.editor import Editor, Things
+from rackhand.services.sim.world.editor import Editor
+from rackhand.services.sim.world.things import Things
 from rackhand.services.sim.world.touch_log import TouchLog
 from rackhand.worlds.arm_model import load_arm_descriptions
 from rackhand.worlds.chassis_model import ChassisProfile

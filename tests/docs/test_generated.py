@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from rackhand.services.gateway.reference import page as all_calls
 from rackhand.services.launch.reference import BLOCKS, files, refresh
 
 ROOT = Path(__file__).parents[2]
@@ -22,6 +23,10 @@ def test_generated_tables_are_fresh(page: Path) -> None:
 @pytest.mark.parametrize("name", files())
 def test_generated_files_are_fresh(name: str) -> None:
     assert (ROOT / "docs" / name).read_text(encoding="utf-8") == files()[name](), "run `make docs`"
+
+
+def test_the_page_of_all_calls_is_fresh() -> None:
+    assert (ROOT / "docs" / "http.md").read_text(encoding="utf-8") == all_calls(), "run `make docs`"
 
 
 def test_every_table_is_shown_somewhere() -> None:

@@ -1,4 +1,4 @@
-"""Runs what the README shows on a cell of its own: free ports stand in for the printed ones, nothing else changes."""
+"""Runs what README, tutorial and other pages show on a cell of its own, on free ports."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.cell import Cell
+from rackhand.testing import Cell
 
 ROOT = Path(__file__).parents[2]
-MARK = re.compile(r"^<!-- ci: (?P<what>[^;>]+?)(?:; expect: (?P<expect>.+?))? -->$")
+MARK = re.compile(r"^<!-- (?:ci|include): (?P<what>[^;>]+?)(?:; expect: (?P<expect>.+?))? -->$")
 
 
 @dataclass(frozen=True)
@@ -48,15 +48,23 @@ PAGES = [block for page in sorted((ROOT / "docs").glob("*.md")) for block in blo
 
 
 def test_every_block_is_marked() -> None:
-    assert len(README) >= 6
+    assert len(README) >= 2
     for block in README + [block for block in PAGES if block.language]:
         assert block.what, f"nobody runs this block:\n{block.text}"
 
 
 def test_blocks_said_to_be_run_elsewhere_are() -> None:
-    for block in README:
-        if block.what not in ("run", "start"):
+    for block in README + PAGES:
+        if block.what.startswith(".ci/"):
             assert block.text in (ROOT / block.what).read_text(encoding="utf-8"), f"{block.what} lacks {block.text}"
+        elif block.what not in ("", "run", "start"):
+            assert (ROOT / block.what).is_file(), f"there is no {block.what} to run\n{block.text}"
+
+
+def test_the_tutorial_shows_only_what_is_run() -> None:
+    tutorial = [block for block in blocks(ROOT / "docs" / "tutorial.md") if block.language]
+    assert len(tutorial) >= 10
+    assert {block.what for block in tutorial} == {"start", "run"}
 
 
 @pytest.mark.system
@@ -78,6 +86,8 @@ class MakeRun(Cell):
     def command(self) -> list[str]:
         return [
             "make",
+            "--directory",
+            str(ROOT),
             "run",
             "ARGS=" + " ".join(["--port 0 --bus-port 0 --viewer-port 0 --speed max --state-dir", str(self.state_dir)]),
         ]

@@ -7,6 +7,7 @@ from typing import Any
 from rackhand.bus import BusError, Refused
 from rackhand.schemas import topics
 from rackhand.schemas.chassis import ChassisRequest, Done, SetControlMode
+from rackhand.schemas.explain import ExplainMove, ExplainReply, Explanation
 from rackhand.schemas.maps import (
     CreateMap,
     DeleteMap,
@@ -27,6 +28,7 @@ from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.parameters import Basis, changed, check, defaults, in_force, ranges
 from rackhand.services.planner.settings import NavigationSettings
 from tests.chassis_models import chassis_model
+from tests.gateway.explanations import explanation
 
 NOW = 1_746_684_372
 WITHOUT_TARGET = ("follow_target", "charge")
@@ -42,6 +44,7 @@ class FakeBus:
         self.requests: list[Any] = []
         self.moves: dict[int, Move] = {}
         self.pauses: list[PauseMove] = []
+        self.explained = explanation()
         self.maps: dict[int, MapData] = {}
         self.current_map: MapData | None = None
         self.control_mode = "auto"
@@ -53,6 +56,8 @@ class FakeBus:
         assert timeout > 0
         if self.failure is not None:
             raise self.failure
+        if isinstance(request, ExplainMove):
+            return ExplainReply(explanation=self._explain(request))
         self.requests.append(request.request)
         match request:
             case MoveRequest():
@@ -68,6 +73,12 @@ class FakeBus:
                 assert query is topics.CHASSIS_PARAMETERS
                 return self._parameters(request.request)
         raise AssertionError(request)
+
+    def _explain(self, request: ExplainMove) -> Explanation:
+        """``explained`` of a move that is there."""
+        if request.id not in self.moves:
+            raise Refused(RefusalCode.NOT_FOUND, f"there is no move {request.id}")
+        return self.explained.model_copy(update={"move": self.moves[request.id]})
 
     @property
     def running(self) -> Move | None:

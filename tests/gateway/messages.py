@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -78,7 +79,9 @@ def status(**changes: Any) -> ChassisStatus:
     return ChassisStatus(**{"stamp": 0} | changes)
 
 
-def current_map(stamp: int = 0, png: bytes | None = None, name: str = "Hall") -> CurrentMap:
+def current_map(
+    stamp: int = 0, png: bytes | None = None, name: str = "Hall", features: Sequence[dict[str, Any]] = ()
+) -> CurrentMap:
     return CurrentMap(
         stamp=stamp,
         map=MapData(
@@ -92,6 +95,7 @@ def current_map(stamp: int = 0, png: bytes | None = None, name: str = "Hall") ->
             png=grey_png(4, 3) if png is None else png,
             origin=(-1.0, -2.0),
             resolution=0.05,
+            overlays={"type": "FeatureCollection", "features": list(features)},
         ),
     )
 

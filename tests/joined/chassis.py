@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rackhand.schemas import topics
 from rackhand.schemas.base import Message
 from rackhand.schemas.chassis import ChassisCommand, ChassisRequest, Done, Odometry
+from rackhand.schemas.explain import ExplainMove, Explanation
 from rackhand.schemas.maps import CreateMap, GetMap, MapReply, MapRequest, SelectMap, UseMapData
 from rackhand.schemas.moves import (
     TERMINAL,
@@ -30,6 +31,7 @@ from rackhand.services.planner.load import LoadStore
 from rackhand.services.planner.map.directory import floor_directories, read_map_directory
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.motion import Motion
+from rackhand.services.planner.moves.explanations import ExplanationStore
 from rackhand.services.planner.moves.records import MoveStore
 from rackhand.services.planner.parameters import ParameterStore
 from rackhand.services.planner.settings import NavigationSettings
@@ -65,7 +67,15 @@ class JoinedChassis:
 
     def _new_core(self, moves: MoveStore, maps: MapStore) -> Chassis:
         motion = Motion(NavigationSettings(), self._planning)
-        return Chassis(motion, moves, maps, ParameterStore(self._database), load=LoadStore(self._database))
+        explanations = ExplanationStore(self._database)
+        return Chassis(
+            motion,
+            moves,
+            maps,
+            ParameterStore(self._database),
+            load=LoadStore(self._database),
+            explanations=explanations,
+        )
 
     def restart(self) -> None:
         """The planner is restarted: all that it knows is what is in its store. It uses the map of the world."""
@@ -178,6 +188,10 @@ class JoinedChassis:
             map_name="of a test", png=png, origin=(origin_x, origin_y), resolution=resolution, overlays=overlays
         )
         self.ask_maps(UseMapData(map=whole))
+
+    def explain(self, move_id: int | None = None) -> Explanation:
+        """Why a move failed, waits or is slow."""
+        return self.core.explain(ExplainMove(id=move_id)).explanation
 
     def use_stored_map(self) -> None:
         """Back to the map of the world."""

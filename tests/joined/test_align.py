@@ -109,6 +109,20 @@ def test_what_is_published_of_it(driver: JoinedChassis) -> None:
     assert aligning[-1].intent_target.x == pytest.approx(0.0, abs=0.04)
 
 
+def test_along_a_route_to_the_side_that_the_point_is_docked_from(driver: JoinedChassis) -> None:
+    """Round the rack, which the way in from the front would not need."""
+    point = rack_point("a", 0.0, 0.0, 0.0)
+    point["properties"]["dockViaDirection"] = "back"
+    driver.overlay(point)
+    move = driver.post(ALIGN | {"route_coordinates": "-1.6, 0, -1.6, 1.6, 1.9, 1.6"})
+    driver.world.wait_for(lambda: off_rack(driver)[0] > 0.0 or None, "it is beside the rack", 60.0)
+    assert abs(off_rack(driver)[1] - 1.6) < 0.05
+    assert driver.finish(move).state == "succeeded"
+    x, y, yaw = off_rack(driver)
+    assert abs(x) < 0.02 and abs(y) < 0.01 and abs(abs(yaw) - math.pi) < 0.01
+    assert driver.planning_state.passed_points == 3 and no_contact(driver)
+
+
 def test_under_the_rack_already_it_is_only_centred(driver: JoinedChassis) -> None:
     put_under(driver, "rack", (0.04, 0.006, 0.01))
     begun = driver.world.now()

@@ -19,7 +19,7 @@ from rackhand.services.planner.load import LoadState
 from tests.joined.chassis import JoinedChassis
 from tests.joined.racks import Cause, check_failure, with_jack_up
 from tests.joined.world import JoinedWorld
-from tests.system.judge import standard
+from tests.system.driving import standard
 
 X = -3.0  # of the docked pose, whose y and yaw are 0
 CHARGE = {"type": "charge"}
@@ -98,6 +98,15 @@ def test_the_next_move_first_leaves_the_charger_and_charging_again_comes_back(dr
     assert driver.finish(move).state == "succeeded"
     assert driver.core._motion.load.state is LoadState.FREE
     assert driver.drive(CHARGE).state == "succeeded" and is_charging(driver)
+    assert driver.world.inspect().contact_count == 0
+
+
+def test_along_a_route(driver: JoinedChassis) -> None:
+    move = driver.post(CHARGE | {"route_coordinates": f"{X + 1.6}, 0.4, {X + 1.6}, 1.6", "detour_tolerance": 0.3})
+    driver.world.wait_for(lambda: driver.planning_state.passed_points == 2 or None, "the route's end", 60.0)
+    assert abs(driver.world.true_pose(driver.name).y - 1.6) < 0.05
+    assert driver.finish(move).state == "succeeded" and is_charging(driver)
+    assert driver.move(move).is_charging is True
     assert driver.world.inspect().contact_count == 0
 
 

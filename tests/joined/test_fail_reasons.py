@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,12 +11,12 @@ import pytest
 from PIL import Image
 
 from rackhand.schemas.base import Pose2
+from rackhand.schemas.explain import Explanation
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.world import InjectFault, Place
 from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
-from tests.system.driving import no_go, square, wall
-from tests.system.judge import standard
+from tests.system.driving import no_go, square, standard, wall
 
 ROBOT = "amr1"
 
@@ -152,6 +153,27 @@ def deprecated_type(driver: JoinedChassis) -> int:
     return driver.post({"creator": "test", "type": "leave_elevator", "target_x": 1.0, "target_y": 0.0})
 
 
+# What ``explain`` must name: the kind of thing at a place (metres from the start), or words of the cause.
+EXPLAINED: dict[str, tuple[str, tuple[float, float] | None]] = {
+    "no_map": ("no map is in use", None),
+    "robot_beside_the_map": ("edge of the map", (2.0, 0.0)),
+    "goal_beside_the_map": ("edge of the map", None),
+    "robot_in_a_no_go_zone": ("no-go zone", (0.0, 0.0)),
+    "goal_in_a_no_go_zone": ("no-go zone", (3.0, 0.0)),
+    "nothing_to_drive_and_nothing_to_turn_to": ("no rotation to make", None),
+    "goal_behind_virtual_walls": ("virtual wall", (2.4, 0.0)),
+    "goal_in_a_slot_too_narrow_to_turn_into": ("virtual wall", (2.0, 3.0)),  # an end of the slot
+    "way_closed_for_good_while_driving": ("observed obstacle", (3.7, 0.0)),
+    "wheels_that_do_not_turn": ("does not follow velocity commands", None),
+    "lidar.<locals>.cause": ("no usable scan", None),
+    "cable_plugged_in": ("power cable", None),
+    "crate_in_the_way_of_turning": ("observed obstacle", (0.0, 0.0)),
+    "map_changed_while_driving": ("the map was changed", None),
+    "deprecated_type": ("deprecated", None),
+}
+NEAR = 1.0  # m between where a thing was put and where it is named: things have sizes
+
+
 CAUSES: list[tuple[Reason, Callable[[JoinedChassis], int]]] = [
     (Reason.GET_MAP_FAILED, no_map),
     (Reason.STARTING_POINT_OUT_OF_MAP, robot_beside_the_map),
@@ -176,10 +198,25 @@ CAUSES: list[tuple[Reason, Callable[[JoinedChassis], int]]] = [
 def test_a_move_fails_for_its_cause(
     driver: JoinedChassis, reason: Reason, cause: Callable[[JoinedChassis], int]
 ) -> None:
+    began = start(driver)
     move = driver.finish(cause(driver))
     assert (move.state, move.fail_reason) == ("failed", reason), move
     assert move.fail_message, "a failure says what, where and by how much"
     assert driver.world.inspect().contact_count == 0
+    check_explained(driver.explain(move.id), began, *EXPLAINED[cause.__qualname__])
+
+
+def check_explained(explanation: Explanation, began: Pose2, what: str, where: tuple[float, float] | None) -> None:
+    assert explanation.verdict == "failed" and explanation.advice
+    assert what in explanation.cause, explanation.cause
+    things = explanation.evidence.things
+    if where is None:
+        assert not things or things[0].kind == what, things
+        return
+    (thing,) = things
+    assert thing.kind == what
+    assert math.hypot(thing.x - began.x - where[0], thing.y - began.y - where[1]) < NEAR, thing
+    assert thing.clearance is not None and thing.needed is not None and thing.clearance < thing.needed, thing
 
 
 def test_after_every_failure_the_next_move_succeeds(driver: JoinedChassis) -> None:

@@ -12,7 +12,7 @@ from rackhand.schemas.moves import PauseMove
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.settings import NavigationSettings
 from tests.joined.chassis import JoinedChassis
-from tests.system.judge import standard
+from tests.system.driving import standard
 
 ROBOT = "amr1"
 WANTED = NavigationSettings().follow_distance

@@ -15,7 +15,7 @@ from rackhand.schemas.moves import PauseMove
 from rackhand.schemas.world import Place
 from tests.joined.chassis import JoinedChassis
 from tests.planner.plant import off_line
-from tests.system.judge import standard
+from tests.system.driving import standard
 
 ROBOT = "amr1"
 ROUTE = np.array([(2.8, 1.5), (4.2, 1.5), (4.2, 2.2), (3.4, 2.2)])

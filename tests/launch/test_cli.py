@@ -38,11 +38,11 @@ def up(tmp_path: Path) -> list[str]:
 
 def test_help_names_every_command() -> None:
     shown = cli.invoke(app, ["--help"]).output
-    for command in ("up", "status", "world", "topics", "motion", "record", "view"):
+    for command in ("up", "prepare", "status", "world", "scenario", "sweep", "topics", "motion", "record", "view"):
         assert f"\n  {command} " in shown
 
 
-@pytest.mark.parametrize("command", ["up", "status", "topics", "motion", "record", "view"])
+@pytest.mark.parametrize("command", ["up", "prepare", "status", "topics", "motion", "record", "view"])
 def test_help_of_every_command_shows_examples(command: str) -> None:
     shown = cli.invoke(app, [command, "--help"]).output
     assert f"Examples:\n    rackhand {command}" in shown

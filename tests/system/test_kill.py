@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.world import Reset
-from tests.system.cell import Cell
-from tests.system.driving import Driver
-from tests.system.judge import Judge, distance, standard
+from rackhand.testing import Cell, Judge, distance
+from tests.system.driving import Driver, standard
 
 
-@pytest.fixture
-def driver(tmp_path: Path) -> Iterator[Driver]:
-    """Real time, as on a robot: what is killed leaves the others running."""
-    with Cell(tmp_path, "--speed", "1") as cell, Judge(cell.bus) as judge:
+@pytest.fixture(scope="module")
+def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
+    """Real time, as on a robot: what is killed leaves the others running, and comes back for the next test."""
+    with Cell(tmp_path_factory.mktemp("cell"), lockstep=False) as cell, Judge(cell.bus) as judge:
         driver = Driver(cell, judge)
         yield driver
         driver.close()
@@ -26,7 +24,7 @@ def driver(tmp_path: Path) -> Iterator[Driver]:
 
 def start_moving(driver: Driver) -> int:
     pose = driver.judge.true_pose("amr1")
-    move = driver.post(standard(8.5, 1.5, 0.0))
+    move = driver.post(standard(8.5 if pose.x < 6.0 else 3.0, 1.5, 0.0))
     driver.wait_until_moving(pose.x, pose.y, by=0.6)
     return move
 
@@ -80,6 +78,7 @@ def test_health_tells_who_is_missing(driver: Driver) -> None:
     driver.cell.kill("planner")
     assert "amr1/planner" in driver.cell.wait_until_down("amr1/planner").down
     driver.cell.wait_until_up()
+    driver.wait_until_joined()
 
 
 def test_a_reset_world_fails_the_running_move_honestly(driver: Driver) -> None:

@@ -9,8 +9,8 @@ import json
 
 import numpy as np
 
+from rackhand.testing import Cell
 from tests.joined.checks import ARM, first_rest, speeds
-from tests.system.cell import Cell
 from tests.system.station import CONTROLLER, Station
 
 

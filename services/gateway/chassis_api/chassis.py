@@ -20,6 +20,7 @@ from rackhand.schemas.chassis import (
     SetPose,
 )
 from rackhand.services.gateway.chassis_api.models import (
+    ChargerPose,
     ChassisStatusReply,
     ControlModeBody,
     EmergencyStopBody,
@@ -31,6 +32,7 @@ from rackhand.services.gateway.chassis_api.models import (
 )
 from rackhand.services.gateway.context import Context, Gateway
 from rackhand.services.gateway.http.errors import BadRequest, failures, not_found, unavailable
+from rackhand.services.gateway.ws.chargers import charger_pose
 from rackhand.services.gateway.ws.payloads import jack_state, pose_frame
 from rackhand.services.gateway.ws.rack_payloads import rack_pose
 
@@ -156,6 +158,20 @@ async def query_rack_pose(gateway: Gateway) -> RackPose:
     if pose is None:
         raise not_found("the robot neither carries a rack nor is it under one")
     return RackPose(pose=pose_frame(pose))
+
+
+@services.get("/query_pose/charger_pose", responses=failures(404, 503))
+async def query_charger_pose(gateway: Gateway) -> ChargerPose:
+    """Where a robot on the charger's contacts is, in the map: as the scan showed it to the running or last move if that
+    was a `charge`, else of the charger of the map nearest to the robot; 404 if the map has none.
+    """
+    facts = gateway.state.facts
+    if facts.newest(topics.PLANNING_STATE) is None or facts.newest(topics.MAP) is None:
+        raise unavailable(f"the planner of {gateway.chassis} has not published yet")
+    pose = charger_pose(facts)
+    if pose is None:
+        raise not_found("no charger (overlay type 9) is registered on the map in use")
+    return ChargerPose(pose=pose_frame(pose))
 
 
 async def _execute(gateway: Context, request: ChassisRequest) -> JSONResponse:

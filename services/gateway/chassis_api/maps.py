@@ -6,7 +6,6 @@ import base64
 import binascii
 import io
 import json
-import re
 import zipfile
 from typing import Annotated, Any
 
@@ -40,14 +39,13 @@ from rackhand.services.gateway.chassis_api.models import (
     MapRow,
     map_detail,
 )
-from rackhand.services.gateway.context import Context, Gateway
+from rackhand.services.gateway.context import Context, Gateway, root_of
 from rackhand.services.gateway.http.bodies import MalformedJson, read_json
 from rackhand.services.gateway.http.errors import BadRequest, failures, not_found
 
 router = APIRouter(tags=["maps"])
 
 MapId = Annotated[int, Path(ge=0, le=MAX_ID)]
-_HOST = re.compile(r"[A-Za-z0-9.\-_]+(:\d+)?|\[[0-9A-Fa-f:.]+\](:\d+)?")
 _Responses = dict[int | str, dict[str, Any]]
 _PNG: _Responses = {200: {"content": {"image/png": {"schema": {"type": "string", "format": "binary"}}}}}
 # Fields of a map that are numbers, in a form too.
@@ -58,14 +56,14 @@ _ZIP: _Responses = {200: {"content": {"application/zip": {"schema": {"type": "st
 @router.get("/maps", responses=failures(503))
 async def list_maps(request: Request, gateway: Gateway) -> list[MapRow]:
     reply = await _ask(gateway, MapRequest(request=ListMaps()))
-    return [MapRow.at(summary, _root(request, gateway)) for summary in reply.maps]
+    return [MapRow.at(summary, root_of(request, gateway)) for summary in reply.maps]
 
 
 @router.post("/maps", status_code=201, responses=failures(400, 413, 503))
 async def create_map(body: MapBody, request: Request, gateway: Gateway) -> MapRow:
     """Store a map. It is not used until ``POST /chassis/current-map`` selects it. Also as ``multipart/form-data``."""
     created = await run_in_threadpool(_to_create, body)
-    return MapRow.at(_one(await _ask(gateway, MapRequest(request=created))), _root(request, gateway))
+    return MapRow.at(_one(await _ask(gateway, MapRequest(request=created))), root_of(request, gateway))
 
 
 @router.delete("/maps", status_code=204, responses=failures(503))
@@ -97,7 +95,7 @@ async def download_map(map_id: MapId, gateway: Gateway) -> Response:
 @router.get("/maps/{map_id}", responses=failures(404, 503))
 async def get_map(map_id: MapId, request: Request, gateway: Gateway) -> MapDetail:
     data = await _whole(gateway, map_id)
-    return map_detail(data, _root(request, gateway), json.dumps(data.overlays, ensure_ascii=False))
+    return map_detail(data, root_of(request, gateway), json.dumps(data.overlays, ensure_ascii=False))
 
 
 @router.put("/maps/{map_id}", responses=failures(400, 404, 413, 503))
@@ -105,7 +103,7 @@ async def replace_map(map_id: MapId, body: MapBody, request: Request, gateway: G
     """Overwrite a stored map. The map in use stays as it is until ``POST /chassis/current-map`` selects it again."""
     whole = await run_in_threadpool(_to_create, body)
     replaced = ReplaceMap(id=map_id, map=whole)
-    return MapRow.at(_one(await _ask(gateway, MapRequest(request=replaced))), _root(request, gateway))
+    return MapRow.at(_one(await _ask(gateway, MapRequest(request=replaced))), root_of(request, gateway))
 
 
 @router.patch("/maps/{map_id}", responses=failures(400, 404, 413, 503))
@@ -120,7 +118,7 @@ async def patch_map(map_id: MapId, body: MapPatchBody, request: Request, gateway
         map_version=body.map_version,
         overlays_version=body.overlays_version,
     )
-    return MapRow.at(_one(await _ask(gateway, MapRequest(request=patch))), _root(request, gateway))
+    return MapRow.at(_one(await _ask(gateway, MapRequest(request=patch))), root_of(request, gateway))
 
 
 @router.delete("/maps/{map_id}", status_code=204, responses=failures(400, 404, 503))
@@ -225,9 +223,3 @@ def _archive(data: MapData) -> bytes:
         archive.writestr(f"map_{data.id}.png", data.png)
         archive.writestr(f"map_{data.id}.yaml", json.dumps(facts, indent=2))  # JSON is YAML
     return packed.getvalue()
-
-
-def _root(request: Request, gateway: Context) -> str:
-    """``http://host:port`` as the client called it, with the path of the robot."""
-    host = request.headers.get("host", "")
-    return f"{request.scope['scheme']}://{host if _HOST.fullmatch(host) else 'localhost'}{gateway.prefix}"

@@ -183,6 +183,12 @@ class RackPose(BaseModel):
     pose: PoseFrame
 
 
+class ChargerPose(BaseModel):
+    """The pose of a robot on the contacts of a charger."""
+
+    pose: PoseFrame
+
+
 class MapIdentity(BaseModel):
     """The map in use. ``id`` is -1 for one that was given whole and not stored."""
 

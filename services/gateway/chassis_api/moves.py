@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Path, Query, Request
+from fastapi.responses import JSONResponse
 
 from rackhand.schemas import topics
+from rackhand.schemas.explain import ExplainMove
 from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveRequest, PauseMove
+from rackhand.services.gateway.chassis_api.explained import MoveExplained, explained
 from rackhand.services.gateway.chassis_api.models import (
     MAX_ID,
     MoveBody,
@@ -17,7 +20,7 @@ from rackhand.services.gateway.chassis_api.models import (
     MoveFull,
     MoveShort,
 )
-from rackhand.services.gateway.context import Context, Gateway
+from rackhand.services.gateway.context import Context, Gateway, root_of
 from rackhand.services.gateway.http.errors import failures, not_found
 
 router = APIRouter(prefix="/chassis/moves", tags=["moves"])
@@ -63,6 +66,23 @@ async def latest_move(gateway: Gateway) -> MoveFull:
 @router.get("/{move_id}", responses=failures(404, 503))
 async def get_move(move_id: MoveId, gateway: Gateway) -> MoveFull:
     return MoveFull.of(await _one(gateway, MoveRequest(request=GetMove(id=move_id))))
+
+
+@router.get("/{move_id}/explain", responses=failures(404, 503))
+async def explain_move(move_id: MoveId, request: Request, gateway: Gateway) -> MoveExplained:
+    """Why a move failed, waits or is slow: the cause in words, what was in the way and where, what was measured
+    against what was expected, the costmap around the robot, and the last 10 s of pose, command and path (an extension).
+    """
+    reply = await gateway.ask(topics.EXPLAIN, ExplainMove(id=move_id))
+    return explained(reply.explanation, root_of(request, gateway))
+
+
+@router.get("/{move_id}/explain/download", responses=failures(404, 503))
+async def download_explanation(move_id: MoveId, request: Request, gateway: Gateway) -> JSONResponse:
+    """The same as a file, to be attached to a report."""
+    body = await explain_move(move_id, request, gateway)
+    headers = {"content-disposition": f'attachment; filename="move_{move_id}.json"'}
+    return JSONResponse(body.model_dump(mode="json"), headers=headers)
 
 
 @router.patch("/current", responses=failures(400, 404, 413, 503))

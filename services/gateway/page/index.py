@@ -43,6 +43,7 @@ _SERVICES = (
     "/services/start_rack_size_detection",
     "/services/stop_rack_size_detection",
     "/services/query_pose/rack_pose",
+    "/services/query_pose/charger_pose",
 )
 
 

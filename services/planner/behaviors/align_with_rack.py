@@ -13,8 +13,8 @@ Why such a move fails, and when. The reasons of ``standard`` apply on the way to
 506  jack_in_up_state            at start: the jack is not all the way down
 ==== =========================== ======================================================================================
 
-Without ``target_ori`` the chassis is under the rack at the heading of the rack point. A chassis that is under that rack
-already is only centred.
+Without ``target_ori`` the chassis is under the rack at the docking heading of the rack point. A chassis that is under
+that rack already is only centred. With ``route_coordinates`` that route is driven first, as by a standard move.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.maps import PointType, RegionType
 from rackhand.schemas.moves import MoveCreate, PlanningFlag
 from rackhand.schemas.racks import DetectedRack, RackSpec
+from rackhand.services.planner.behaviors.approach import route_first
 from rackhand.services.planner.behaviors.base import Array, Behavior, Context
 from rackhand.services.planner.behaviors.docking import Docking, Place
 from rackhand.services.planner.control.docking import Funnel
@@ -76,8 +77,9 @@ def for_request(request: MoveCreate) -> Behavior:
 
 
 def align_with_rack(request: MoveCreate, target: RackTarget | None = None) -> Behavior:
-    """``target``: in place of the request's."""
-    return Docking(RackDock(request, target), RETRIES)
+    """``target``: in place of the request's. Raises ``MoveFailed(INVALID_TRACK_POINTS)``."""
+    dock = RackDock(request, target)
+    return route_first(request, Docking(dock, RETRIES), dock.begin)
 
 
 def target_of(request: MoveCreate, overlays: MapOverlays, radius: float) -> RackTarget:
@@ -97,7 +99,7 @@ def target_of(request: MoveCreate, overlays: MapOverlays, radius: float) -> Rack
             f"the target ({x:.2f}, {y:.2f}) is no rack point; the nearest is {name!r} at ({nearest.x:.2f}, "
             f"{nearest.y:.2f}), {away:.2f} m away, want at most {radius:.2f} m",
         )
-    yaw = nearest.yaw or 0.0 if request.target_ori is None else request.target_ori
+    yaw = nearest.dock_yaw or 0.0 if request.target_ori is None else request.target_ori
     return RackTarget(nearest, yaw, checked_layer(request.properties.get("rack_layer"), nearest, overlays))
 
 

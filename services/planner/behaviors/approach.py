@@ -1,16 +1,22 @@
-"""Driving to a pose, along a given route first if the request has one. ``standard`` moves are no more than that."""
+"""A given route first, where the request has one, then what the move is for. ``standard`` moves are a drive to a pose
+after it."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 from rackhand.schemas.moves import MoveCreate
 from rackhand.services.planner.behaviors.along_given_route import AlongRoute
 from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose, goal_of
+from rackhand.services.planner.behaviors.undock import StaysDocked
+from rackhand.services.planner.load import LoadState
 from rackhand.services.planner.planning.given_route import parse_route
 from rackhand.services.planner.planning.goals import Goal, check_goal
 from rackhand.services.planner.planning.plan import Target
+
+Check = Callable[[Context], None]
 
 
 def for_request(request: MoveCreate) -> Behavior:
@@ -19,40 +25,56 @@ def for_request(request: MoveCreate) -> Behavior:
 
 
 def approach(goal: Goal, request: MoveCreate) -> Behavior:
-    """Drive to ``goal``: straight there, or along the request's ``route_coordinates`` within its ``detour_tolerance``
-    and from the last point of the route to the goal. Fails as ``along_given_route`` and ``standard`` moves do.
+    """Drive to ``goal``: straight there, or after the request's route. Fails as ``along_given_route`` and ``standard``
+    moves do.
 
     Raises ``MoveFailed(INVALID_TRACK_POINTS)``.
     """
+
+    def check(ctx: Context) -> None:
+        if goal.x is not None and goal.y is not None:
+            check_goal(ctx.costmap, ctx.footprint, Target(goal.x, goal.y, goal.yaw), ctx.settings)
+
+    return route_first(request, DriveToPose(goal), check)
+
+
+def route_first(request: MoveCreate, then: Behavior, check: Check) -> Behavior:
+    """``then``, after the request's ``route_coordinates``, which are driven within its ``detour_tolerance``.
+
+    ``check`` raises ``MoveFailed`` before a wheel turns for what would fail ``then`` at its beginning. Raises
+    ``MoveFailed(INVALID_TRACK_POINTS)``.
+    """
     if not request.route_coordinates:
-        return DriveToPose(goal)
-    return RouteThenPose(AlongRoute(parse_route(request.route_coordinates), request.detour_tolerance or 0.0), goal)
+        return then
+    return RouteFirst(AlongRoute(parse_route(request.route_coordinates), request.detour_tolerance or 0.0), then, check)
 
 
-class RouteThenPose:
-    """A given route, then the drive from its end to a goal."""
+class RouteFirst:
+    """A given route, then another behaviour. Where that begins without undocking, the chassis is at its goal already,
+    and the route is left out."""
 
-    def __init__(self, route: AlongRoute, goal: Goal) -> None:
-        self._route, self._goal = route, goal
+    def __init__(self, route: AlongRoute, then: Behavior, check: Check) -> None:
+        self._route, self._then, self._check = route, then, check
         self._begun = False
         self._passed = 0
-        self._current: AlongRoute | DriveToPose = route
+        self._current: Behavior = route
 
     def step(self, ctx: Context) -> Drive | Done:
         if not self._begun:
-            self._check_goal(ctx)
+            self._check(ctx)
             self._begun = True
+            if ctx.load.state in (LoadState.UNDER_RACK, LoadState.DOCKED):
+                self._current = self._then
         outcome = self._current.step(ctx)
         if isinstance(outcome, Drive) or self._current is not self._route:
             return outcome
         self._passed = self._route.status().passed_points
-        self._current = DriveToPose(self._goal)
+        self._current = self._then
         return self._current.step(ctx)
 
-    def _check_goal(self, ctx: Context) -> None:
-        """Before a wheel turns, as for a move without a route."""
-        if self._goal.x is not None and self._goal.y is not None:
-            check_goal(ctx.costmap, ctx.footprint, Target(self._goal.x, self._goal.y, self._goal.yaw), ctx.settings)
+    def stays_docked(self, ctx: Context) -> bool:
+        """As the behaviour after the route."""
+        return isinstance(self._then, StaysDocked) and self._then.stays_docked(ctx)
 
     def resume(self, ctx: Context) -> None:
         self._current.resume(ctx)

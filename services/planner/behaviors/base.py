@@ -56,7 +56,8 @@ class Status:
     ``target`` is None for a move that has an ``intent_target`` instead, the pose of a rack or a charger as it is known
     by now; without either the requested pose is shown. ``path``: rows x, y, yaw ahead in the map frame. ``plans``
     counts the paths taken so far; from the second on it is a replanned one. ``passed_points``: of a given route.
-    ``detected_rack``: what a search in the scan of this tick found; None without one.
+    ``detected_rack``: what a search in the scan of this tick found; None without one. ``notice``: why there is no
+    progress, where operators can help.
     """
 
     target: Pose2 | None = None
@@ -70,6 +71,7 @@ class Status:
     passed_points: int = 0
     flags: frozenset[PlanningFlag] = frozenset()
     detected_rack: DetectedRack | None = None
+    notice: str = ""
 
 
 @dataclass(frozen=True)

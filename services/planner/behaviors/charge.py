@@ -15,7 +15,8 @@ Why such a move fails, and when. The reasons of ``standard`` apply on the way to
 506  jack_in_up_state            at start: the jack is not all the way down
 ==== =========================== ======================================================================================
 
-Without a target it is the charger of the map nearest to the chassis.
+Without a target it is the charger of the map nearest to the chassis. With ``route_coordinates`` that route is driven
+first, as by a standard move.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from rackhand.schemas.maps import PointType
 from rackhand.schemas.moves import MoveCreate, PlanningFlag
 from rackhand.schemas.racks import DetectedRack
 from rackhand.services.planner.behaviors.align_with_rack import check_jack_down
+from rackhand.services.planner.behaviors.approach import route_first
 from rackhand.services.planner.behaviors.base import Array, Behavior, Context
 from rackhand.services.planner.behaviors.docking import Docking, Place
 from rackhand.services.planner.control.docking import Funnel
@@ -52,7 +54,9 @@ TIP_NOISE = 0.08  # m before the tips of the dock: hits nearer to them are their
 
 
 def for_request(request: MoveCreate) -> Behavior:
-    return Docking(ChargerDock(request), request.charge_retry_count)
+    """Raises ``MoveFailed(INVALID_TRACK_POINTS)``."""
+    dock = ChargerDock(request)
+    return route_first(request, Docking(dock, request.charge_retry_count), dock.begin)
 
 
 def target_of(request: MoveCreate, overlays: MapOverlays, chassis: Pose) -> PointOfInterest:

@@ -146,6 +146,10 @@ class DriveToPose:
     def status(self) -> Status:
         return self._status
 
+    def standing(self, stamp: int) -> float:
+        """Seconds without progress; 0 before the first step."""
+        return self._progress.standing(stamp) if self._begun else 0.0
+
     def _keep_route(self, ctx: Context) -> None:
         self._aim(ctx)
         stuck = self._progress.standing(ctx.stamp) > ctx.settings.stuck_after

@@ -6,12 +6,15 @@ import math
 
 import numpy as np
 
-from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.base import NANOSECONDS, Pose2
+from rackhand.schemas.explain import Evidence, Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.behaviors.base import Array, Context
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
+from rackhand.services.planner.perception.things import thing_at
 from rackhand.services.planner.planning.plan import NoPathFound, Target
 from rackhand.services.planner.planning.worker import PlanRequest
 
@@ -119,7 +122,7 @@ class PlanKeeper:
 
     def _note_no_path(self, ctx: Context, request: PlanRequest, no_path: NoPathFound) -> None:
         if request.static_only:
-            raise MoveFailed(_REASONS[no_path.kind], no_path.text)
+            raise MoveFailed(_REASONS[no_path.kind], no_path.text, narrow_place(ctx.costmap, no_path))
         self._no_path, self._failed = no_path, True
         if self._no_path_since is None:
             self._no_path_since = ctx.stamp
@@ -171,6 +174,7 @@ class PlanKeeper:
             raise MoveFailed(
                 MoveFailReason.PLANNING_TIMEOUT,
                 f"no path found for {waited:.0f} s, observed obstacles block every one ({self._no_path})",
+                _waited_for_path(ctx, waited, self._no_path),
             )
 
 
@@ -178,6 +182,26 @@ def _begins_here(route: Route, ctx: Context) -> bool:
     """Whether the chassis, which may have driven on while this was planned, is still on it."""
     route.current.update(ctx.pose)
     return route.current.deviation <= ctx.settings.off_path_distance
+
+
+def narrow_place(costmap: LocalCostmap, no_path: NoPathFound) -> Evidence:
+    """The tightest place of the widest way, and what stands there."""
+    tight = no_path.bottleneck
+    if tight is None:
+        return Evidence()
+    thing = thing_at(costmap, tight.blocked_x, tight.blocked_y)
+    middle = Pose2(x=tight.x, y=tight.y, yaw=0.0)
+    thing = thing.model_copy(update={"clearance": round(tight.radius, 3), "needed": no_path.needed, "at": middle})
+    what = "inscribed" if no_path.kind == "disconnected" else "circumscribed"
+    room = Measure(name=f"room for the {what} circle", value=round(tight.radius, 3), expected=no_path.needed, unit="m")
+    return Evidence(things=(thing,), measures=(room,))
+
+
+def _waited_for_path(ctx: Context, waited: float, no_path: NoPathFound | None) -> Evidence:
+    found = Evidence() if no_path is None else narrow_place(ctx.costmap, no_path)
+    limit = ctx.settings.planning_timeout
+    measure = Measure(name="time without a path", value=round(waited, 1), expected=limit, unit="s")
+    return found.model_copy(update={"measures": (measure, *found.measures)})
 
 
 def ahead_of(route: Route | None, pose: Pose) -> Array:

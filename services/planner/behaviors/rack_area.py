@@ -5,7 +5,8 @@ An area is a polygon of region type 17, its points are the rack points inside. T
 features; where a patrol line (line type 4) runs through the area, in the order along it. A point that no scan has shown
 for ``rack_state_fresh`` seconds is looked at first, from the patrol line, or else from before, behind or beside it.
 ``properties.rack_layer`` is an index into the ``rackLevels`` of the area, which has the floor at least; points whose
-``enabledLevels`` do not have that level are left out.
+``enabledLevels`` do not have that level are left out. ``route_coordinates`` are driven first, before any point is
+looked at.
 
 Why such a move fails, beside the reasons of ``align_with_rack`` and ``to_unload_point`` that no other point can help:
 
@@ -38,6 +39,7 @@ from rackhand.schemas.moves import MoveCreate, PlanningFlag
 from rackhand.schemas.racks import Occupancy
 from rackhand.services.planner.behaviors import align_with_rack, to_unload_point
 from rackhand.services.planner.behaviors.align_with_rack import RackTarget, check_jack_down
+from rackhand.services.planner.behaviors.approach import route_first
 from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose
 from rackhand.services.planner.behaviors.to_unload_point import ToUnloadPoint, UnloadTarget, check_cargo
@@ -69,12 +71,18 @@ _ON_THE_WAY = frozenset(
 
 def align_for_request(request: MoveCreate) -> Behavior:
     """At a point or in an area."""
-    return RackArea(request, AlignTask()) if request.rack_area_id else align_with_rack.for_request(request)
+    return in_area(request, AlignTask()) if request.rack_area_id else align_with_rack.for_request(request)
 
 
 def unload_for_request(request: MoveCreate) -> Behavior:
     """At a point or in an area."""
-    return RackArea(request, UnloadTask()) if request.rack_area_id else to_unload_point.for_request(request)
+    return in_area(request, UnloadTask()) if request.rack_area_id else to_unload_point.for_request(request)
+
+
+def in_area(request: MoveCreate, task: Task) -> Behavior:
+    """After the request's route. Raises ``MoveFailed(INVALID_TRACK_POINTS)``."""
+    area = RackArea(request.model_copy(update={"route_coordinates": None}), task)
+    return route_first(request, area, area.check)
 
 
 class Task(Protocol):
@@ -107,7 +115,7 @@ class AlignTask:
         check_jack_down(ctx)
 
     def at(self, request: MoveCreate, point: PointOfInterest) -> Behavior:
-        yaw = point.yaw or 0.0 if request.target_ori is None else request.target_ori
+        yaw = point.dock_yaw or 0.0 if request.target_ori is None else request.target_ori
         return align_with_rack.align_with_rack(request, RackTarget(point, yaw))
 
 
@@ -122,9 +130,8 @@ class UnloadTask:
         check_cargo(ctx.load, None if jack is None else jack.progress)
 
     def at(self, request: MoveCreate, point: PointOfInterest) -> Behavior:
-        yaw = point.yaw if request.target_ori is None else request.target_ori
-        direct = request.model_copy(update={"route_coordinates": None})
-        return ToUnloadPoint(direct, UnloadTarget(point.x, point.y, yaw, name_of(point)))
+        yaw = point.dock_yaw if request.target_ori is None else request.target_ori
+        return ToUnloadPoint(request, UnloadTarget(point.x, point.y, yaw, name_of(point)))
 
 
 @dataclass(frozen=True)
@@ -196,13 +203,17 @@ class RackArea:
     def step(self, ctx: Context) -> Drive | Done:
         self._ctx = ctx
         if self._steps is None:
-            self._task.check(ctx)
-            self._area = area_of(self._request, ctx.costmap.static.overlays)
+            self.check(ctx)
             self._steps = self._run()
         try:
             return next(self._steps)
         except StopIteration as ended:
             return Done(ended.value)
+
+    def check(self, ctx: Context) -> None:
+        """Of the request and of the chassis, before it begins. Raises ``MoveFailed``."""
+        self._task.check(ctx)
+        self._area = area_of(self._request, ctx.costmap.static.overlays)
 
     def resume(self, ctx: Context) -> None:
         if self._inner is not None:

@@ -11,8 +11,10 @@ from rackhand.services.planner.behaviors import (
     approach,
     charge,
     deprecated,
+    enter_elevator,
     follow_target,
     rack_area,
+    return_to_elevator_waiting_point,
 )
 from rackhand.services.planner.behaviors.base import Behavior
 from rackhand.services.planner.errors import MoveFailed
@@ -28,6 +30,8 @@ BEHAVIORS: Registry = {
     "to_unload_point": rack_area.unload_for_request,
     "along_given_route": along_given_route.for_request,
     "follow_target": follow_target.for_request,
+    "enter_elevator": enter_elevator.for_request,
+    "return_to_elevator_waiting_point": return_to_elevator_waiting_point.for_request,
     "leave_elevator": deprecated.for_request,
     "pull_over": deprecated.for_request,
     "parking": deprecated.for_request,

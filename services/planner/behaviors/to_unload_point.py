@@ -1,9 +1,9 @@
 """``to_unload_point``: drive so that the *rack* on the jack ends at a point, if the place is free.
 
 The goal of the chassis is the target pose of the rack, composed with the inverse of where the rack is on the jack. A
-target need not be a rack point of the map. Without ``target_ori`` the rack takes the yaw of the rack point within
-``rack_point_radius``; where there is none, one of a few headings that the map has room for. With ``route_coordinates``
-it is driven along that route first, as by a standard move.
+target need not be a rack point of the map. Without ``target_ori`` the rack takes the docking heading of the rack point
+within ``rack_point_radius``; where there is none, one of a few headings that the map has room for. With
+``route_coordinates`` it is driven along that route first, as by a standard move.
 
 Why such a move fails beside the reasons of a standard move for a start (3, 5) and for what the chassis lacks (2, 16,
 17, 1000):
@@ -94,7 +94,7 @@ def target_of(request: MoveCreate, overlays: MapOverlays, radius: float) -> Unlo
         checked_layer(request.properties.get("rack_layer"), point, overlays)
     yaw = request.target_ori
     if yaw is None and point is not None:
-        yaw = point.yaw
+        yaw = point.dock_yaw
     return UnloadTarget(request.target_x, request.target_y, yaw, "" if point is None else point.name or point.id)
 
 

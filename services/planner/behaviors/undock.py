@@ -21,6 +21,7 @@ from rackhand.schemas.moves import MoveCreate
 from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.behaviors.base import Array, Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.dock_view import DockView
+from rackhand.services.planner.behaviors.straight_out import BESIDE, straight_free
 from rackhand.services.planner.control import docking
 from rackhand.services.planner.control.progress_checker import RestWatch
 from rackhand.services.planner.errors import MoveFailed
@@ -36,7 +37,6 @@ JUST_OUT = 0.03  # m between the rack and the body, where there is no room for m
 OFF_CHARGER, JUST_OFF_CHARGER = 0.6, 0.15  # m
 SPEED = 0.3  # m/s
 KEEP = 0.08  # m before an obstacle
-BESIDE = 0.03  # m beside the body that must be free on the way
 ANOTHER_WAY_AFTER = 2.0  # s of being blocked
 OUT_OF = {LoadState.UNDER_RACK: "from under the rack", LoadState.DOCKED: "off the charger"}
 STAYS = frozenset({"to_unload_point"})  # needs a rack on the jack, and fails before it moves
@@ -151,14 +151,7 @@ class Undock:
                 return
 
     def _free(self, ctx: Context, direction: int) -> float:
-        """Metres of the straight way in a direction without an obstacle, for the body; infinite for all in view."""
-        rows = ctx.costmap.obstacles(ctx.pose, self._may_touch(ctx))
-        points = se2.transformed(se2.between(ctx.pose, np.zeros(3)), rows[:, :2])
-        body = ctx.footprint.polygon
-        beside = (points[:, 1] < body[:, 1].max() + BESIDE) & (points[:, 1] > body[:, 1].min() - BESIDE)
-        end = float((direction * body[:, 0]).max())
-        along = direction * points[beside, 0] - end
-        return float(along[along > -end].min(initial=math.inf))
+        return straight_free(ctx, direction, self._may_touch(ctx))
 
     def _may_touch(self, ctx: Context) -> tuple[Array, ...]:
         """The rack itself: its legs stay obstacles, its outline does not."""

@@ -6,6 +6,7 @@ import math
 from typing import Literal
 
 from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.explain import Evidence, Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import StuckState
 from rackhand.services.planner.errors import MoveFailed
@@ -57,13 +58,22 @@ class ProgressWatch:
         """Raises ``MoveFailed`` (15, 18) after ``move_timeout`` or ``rotate_timeout``; ``text`` says why."""
         standing = self.standing(stamp)
         if phase == "rotating" and standing > self._settings.rotate_timeout:
-            raise MoveFailed(MoveFailReason.ROTATE_TIMEOUT, f"no progress of the turn for {standing:.0f} s: {text}")
+            raise MoveFailed(
+                MoveFailReason.ROTATE_TIMEOUT,
+                f"no progress of the turn for {standing:.0f} s: {text}",
+                _lasted("time without progress of the turn", standing, self._settings.rotate_timeout),
+            )
         taken = (stamp - self._begun) / NANOSECONDS
         if phase in ("driving", "planning") and taken > self._longest_duration():
             what = f"not arrived after {taken:.0f} s, with at most {self._longest:.1f} m of path left at any time"
-            raise MoveFailed(MoveFailReason.MOVE_TIMEOUT, f"{what}: {text}")
+            evidence = _lasted("time of the move", taken, self._longest_duration())
+            raise MoveFailed(MoveFailReason.MOVE_TIMEOUT, f"{what}: {text}", evidence)
         if phase == "driving" and standing > self._settings.move_timeout:
-            raise MoveFailed(MoveFailReason.MOVE_TIMEOUT, f"path exists, no progress for {standing:.0f} s: {text}")
+            raise MoveFailed(
+                MoveFailReason.MOVE_TIMEOUT,
+                f"path exists, no progress for {standing:.0f} s: {text}",
+                _lasted("time without progress", standing, self._settings.move_timeout),
+            )
 
     def _longest_duration(self) -> float:
         """Seconds after which a move counts as going to and fro: to lose ground and make it good again is progress to
@@ -71,6 +81,10 @@ class ProgressWatch:
         s = self._settings
         crawl = max(min(CRAWL, CRAWL_SHARE * s.control.max_forward_velocity), 1e-3)
         return max(s.move_timeout, s.planning_timeout) + s.move_timeout + self._longest / crawl
+
+
+def _lasted(what: str, seconds: float, most: float) -> Evidence:
+    return Evidence(measures=(Measure(name=what, value=round(seconds, 1), expected=round(most, 1), unit="s"),))
 
 
 class RestWatch:

@@ -15,6 +15,7 @@ from rackhand.schemas.codec import MalformedMessage, codec_for, explain
 from rackhand.schemas.maps import CreateMap
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.map.check import check_map
+from rackhand.services.planner.map.reading import Reading, stored_png
 
 
 class MapDirectoryError(Exception):
@@ -46,6 +47,7 @@ def read_map_directory(directory: Path) -> DirectoryMap:
     try:
         created = CreateMap(**fields)
         check_map(created)
+        created = created.model_copy(update={"png": stored_png(created.png, _reading(description, description_path))})
         codec_for(CreateMap).dumps(created)  # an integer of any size is JSON, but cannot be encoded on the bus
     except ValidationError as error:
         raise MapDirectoryError(f"{directory}: {explain(error)}") from None
@@ -69,9 +71,14 @@ def _read_description(path: Path) -> dict[str, Any]:
         raise MapDirectoryError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(description, dict) or not isinstance(description.get("image"), str):
         raise MapDirectoryError(f"{path}: want at least the keys image, resolution and origin")
-    if description.get("negate", 0):
-        raise MapDirectoryError(f"{path}: negate is {description['negate']}, want 0 (occupied dark, free light)")
     return description
+
+
+def _reading(description: dict[str, Any], path: Path) -> Reading:
+    try:
+        return Reading.of(description)
+    except ValueError as error:
+        raise MapDirectoryError(f"{path}: {error}") from None
 
 
 def _origin(description: dict[str, Any], path: Path) -> tuple[float, float]:

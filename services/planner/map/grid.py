@@ -20,7 +20,7 @@ from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.map.check import MAX_PIXELS
 from rackhand.services.planner.map.overlays import MapOverlays, OverlayError, Zone, inside, parse_overlays
 
-# Grey values as map servers write them: free 254, unknown 205, occupied 0.
+# Grey values as map servers write them: free 254, unknown 205, occupied 0. The same limits as ``reading.STORED`` has.
 OCCUPIED_BELOW = 90
 FREE_ABOVE = 205
 BYTES_A_CELL = 12  # picture, masks and what is remembered of a cell that was seen

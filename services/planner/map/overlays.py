@@ -53,6 +53,15 @@ class PointOfInterest(Feature):
     yaw: float | None
 
     @property
+    def dock_yaw(self) -> float | None:
+        """Heading of a chassis under a rack here: ``yaw``, or the opposite where ``dockViaDirection`` is ``back``, as
+        then the chassis comes from the other side. No document explains that property; ``front``, the only value seen
+        on real maps, and any other one mean ``yaw``."""
+        if self.yaw is None or self.properties.get("dockViaDirection") != "back":
+            return self.yaw
+        return math.remainder(self.yaw + math.pi, math.tau)
+
+    @property
     def docking_point_id(self) -> str | None:
         """Of a charger the id of its docking point, of a docking point that of its charger."""
         value = self.properties.get("dockingPointId")

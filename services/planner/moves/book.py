@@ -43,6 +43,9 @@ def check(request: MoveCreate) -> None:
     rotate = request.properties.get("inplace_rotate")
     if rotate is not None and not isinstance(rotate, bool):
         raise RequestRefused(RefusalCode.INVALID, f"properties.inplace_rotate is {rotate!r}, want true or false")
+    layer = request.properties.get("rack_layer")
+    if layer is not None and (isinstance(layer, bool) or not isinstance(layer, int)):
+        raise RequestRefused(RefusalCode.INVALID, f"properties.rack_layer is {layer!r:.60}, want an integer from 0 on")
 
 
 def _check_target(request: MoveCreate) -> None:
@@ -116,8 +119,11 @@ class MoveBook:
 
 def _ended(move: Move, state: EndState, now: int, reason: MoveFailReason = MoveFailReason.NONE, text: str = "") -> Move:
     # Simulation time restarts at a reset; a record's times never run backwards.
+    # Only a charge move says whether it ended in charging: it succeeds when current flows.
+    charging = {"is_charging": state == "succeeded"} if move.type == "charge" else {}
     return move.model_copy(
         update={
+            **charging,
             "state": state,
             "fail_reason": int(reason),
             "fail_message": text,

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rackhand.schemas.explain import Evidence, Thing
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
-from rackhand.services.planner.geometry.se2 import Pose
+from rackhand.services.planner.geometry.se2 import Pose, message
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
+from rackhand.services.planner.perception.things import mapped_at, thing_at
 from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -41,13 +43,16 @@ def check_start(costmap: LocalCostmap, footprint: Footprint, start: Pose) -> Non
     where = f"the chassis is at ({start[0]:.2f}, {start[1]:.2f})"
     g = costmap.static.geometry
     if not g.contains(start[0], start[1]):
-        raise MoveFailed(MoveFailReason.STARTING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(g)}")
+        evidence = Evidence(things=(_beyond(g, start),))
+        raise MoveFailed(MoveFailReason.STARTING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(g)}", evidence)
     overlap = -costmap.mapped.clearance(footprint, start)
     if overlap > START_OVERLAP:
         text = f"{where}, its footprint overlaps non-traversable cells by {_depth(overlap, g)}"
-        raise MoveFailed(MoveFailReason.STARTING_POINT_NOT_IN_GROUND, text)
+        evidence = _overlapped(costmap, footprint, start, -START_OVERLAP)
+        raise MoveFailed(MoveFailReason.STARTING_POINT_NOT_IN_GROUND, text, evidence)
     if costmap.static.blocked[g.cell(start[0], start[1])]:
-        raise MoveFailed(MoveFailReason.STARTING_POINT_NOT_IN_GROUND, f"{where}, in a non-traversable cell")
+        evidence = Evidence(things=(thing_at(costmap, float(start[0]), float(start[1])),))
+        raise MoveFailed(MoveFailReason.STARTING_POINT_NOT_IN_GROUND, f"{where}, in a non-traversable cell", evidence)
 
 
 def zone_target(costmap: LocalCostmap, footprint: Footprint, goal: Goal, pose: Pose, ring: int = 0) -> Target | None:
@@ -84,16 +89,32 @@ def check_goal(costmap: LocalCostmap, footprint: Footprint, target: Target, s: N
     where = f"the goal is at ({target.x:.2f}, {target.y:.2f})"
     g = costmap.static.geometry
     if not g.contains(target.x, target.y):
-        raise MoveFailed(MoveFailReason.ENDING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(g)}")
+        evidence = Evidence(things=(_beyond(g, target.pose),))
+        raise MoveFailed(MoveFailReason.ENDING_POINT_OUT_OF_MAP, f"{where}, outside the map {_extent(g)}", evidence)
     overlap = footprint.inscribed - costmap.mapped.at(target.x, target.y)
     if target.yaw is not None:
         overlap = max(overlap, -costmap.mapped.clearance(footprint, target.pose))
     if overlap > -s.ground_margin:
         margin = f" (margin {s.ground_margin:.2f} m)" if s.ground_margin else ""
         text = f"{where}, the goal footprint overlaps non-traversable cells by {_depth(overlap, g)}{margin}"
-        raise MoveFailed(MoveFailReason.ENDING_POINT_NOT_IN_GROUND, text)
+        evidence = _overlapped(costmap, footprint, target.pose, s.ground_margin)
+        raise MoveFailed(MoveFailReason.ENDING_POINT_NOT_IN_GROUND, text, evidence)
     if costmap.static.blocked[g.cell(target.x, target.y)]:
-        raise MoveFailed(MoveFailReason.ENDING_POINT_NOT_IN_GROUND, f"{where}, in a non-traversable cell")
+        evidence = Evidence(things=(thing_at(costmap, target.x, target.y),))
+        raise MoveFailed(MoveFailReason.ENDING_POINT_NOT_IN_GROUND, f"{where}, in a non-traversable cell", evidence)
+
+
+def _overlapped(costmap: LocalCostmap, footprint: Footprint, pose: Pose, needed: float) -> Evidence:
+    thing = mapped_at(costmap, footprint, pose, needed)
+    return Evidence() if thing is None else Evidence(things=(thing,))
+
+
+def _beyond(g: Geometry, pose: Pose) -> Thing:
+    """The place of the map's edge nearest to a pose outside."""
+    x = min(max(float(pose[0]), g.x), g.x + g.columns * g.resolution)
+    y = min(max(float(pose[1]), g.y), g.y + g.rows * g.resolution)
+    away = math.hypot(x - pose[0], y - pose[1])
+    return Thing(role="blocks", kind="edge of the map", x=x, y=y, clearance=-away, needed=0.0, at=message(pose))
 
 
 def _depth(overlap: float, g: Geometry) -> str:

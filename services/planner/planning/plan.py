@@ -16,6 +16,7 @@ from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
 from rackhand.services.planner.planning import lattice, shaping
+from rackhand.services.planner.planning.bottleneck import Bottleneck
 from rackhand.services.planner.planning.corridor import Corridor
 from rackhand.services.planner.planning.cost_to_go import cost_to_go
 from rackhand.services.planner.planning.distance_grid import DistanceGrid, clearance, turn_clearance
@@ -41,12 +42,15 @@ SLACK = 6.0  # m of cost beyond that of the start, to which the field is known: 
 
 class NoPathFound(Exception):
     """No path. ``disconnected``: none for the inscribed circle. ``footprint``: one for the circle, none for the
-    footprint. ``budget``: none found before ``max_expansions``."""
+    footprint. ``budget``: none found before ``max_expansions``. ``bottleneck``: where the widest way is too narrow, and
+    for which radius, where that was looked for."""
 
     def __init__(self, kind: Literal["disconnected", "footprint", "budget"], text: str) -> None:
         super().__init__(text)
         self.kind = kind
         self.text = text
+        self.bottleneck: Bottleneck | None = None
+        self.needed = 0.0
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.map.grid import StaticMap
+from rackhand.services.planner.planning.bottleneck import bottleneck
 from rackhand.services.planner.planning.corridor import Corridor
 from rackhand.services.planner.planning.plan import NoPathFound, Plan, Target
 from rackhand.services.planner.planning.windows import LargePlanner
@@ -132,4 +133,21 @@ def _plan(request: PlanRequest, scene: PlanningScene, cancelled: Event) -> Plan:
             next(steps)
         except StopIteration as found:
             return cast(Plan, found.value)
+        except NoPathFound as none:
+            _find_bottleneck(none, request, scene)
+            raise
     raise NoPathFound("budget", "the request was cancelled")
+
+
+def _find_bottleneck(none: NoPathFound, request: PlanRequest, scene: PlanningScene) -> None:
+    """Where the map is too narrow: for the inscribed circle, or else for a turn of the footprint on the spot."""
+    if none.kind == "budget" or request.corridor is not None:
+        return
+    footprint = scene.footprint
+    none.needed = footprint.inscribed if none.kind == "disconnected" else footprint.circumscribed
+    blocked = scene.static.blocked.copy()
+    blocked.reshape(-1)[scene.avoided(request)] = True
+    start, target = request.start, request.target
+    none.bottleneck = bottleneck(
+        blocked, scene.static.geometry, (float(start[0]), float(start[1])), (target.x, target.y), none.needed
+    )

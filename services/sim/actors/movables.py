@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from rackhand.schemas.planar import yaw_quaternion
 from rackhand.services.sim.mjcf.layers import RUNNING_GEAR_GROUP, VISIBLE_GROUP
-from rackhand.services.sim.mjcf.scene import LEGS, leg_name
+from rackhand.services.sim.mjcf.moved_geoms import geoms_moved
+from rackhand.services.sim.mjcf.scene import LEGS, leg_name, leg_place
 from rackhand.worlds.data import PoseTuple
 from rackhand.worlds.world_model import RackKind, Surfaces, World
 
@@ -137,6 +138,14 @@ class Movables:
         for i in range(len(LEGS)) if leg is None else (leg,):
             geom = int(self._model.geom(leg_name(rack, i)).id)
             self._model.geom_group[geom] = RUNNING_GEAR_GROUP if hidden else VISIBLE_GROUP
+
+    def resize(self, rack: str, factor: float) -> None:
+        """Put its legs so many times as far from its middle as its kind has them."""
+        kind = self.kind(rack)
+        for i, corner in enumerate(LEGS):
+            geom = int(self._model.geom(leg_name(rack, i)).id)
+            self._model.geom_pos[geom, :2] = factor * leg_place(kind, corner)
+        geoms_moved(self._model, self._data, self._ids[rack])
 
     def rest_height(self, name: str) -> float:
         """Of its origin, on the floor."""

@@ -21,6 +21,9 @@ class BatteryModel:
     def percentage(self) -> float:
         return self._energy / self._capacity
 
+    def set_percentage(self, percentage: float) -> None:
+        self._energy = percentage * self._capacity
+
     def draw(self, speed: float, jacking: bool, charging: bool, dt: float) -> None:
         """Let ``dt`` seconds pass at this speed (m/s)."""
         kind = self.kind

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import mujoco
@@ -33,12 +34,13 @@ class Lidar:
         self._geoms = np.empty(kind.beams, dtype=np.int32)
         self._distances = np.empty(kind.beams)
 
-    def scan(self, model: Any, data: Any, stamp: int, blind: bool) -> Scan:
-        """A scan of the world as ``data``'s frames have it; blind, no beam has a measurement.
+    def scan(self, model: Any, data: Any, stamp: int, blind: bool = False, more_noise: float = 0.0) -> Scan:
+        """A scan of the world as ``data``'s frames have it; blind, no beam has a measurement. ``more_noise``: standard
+        deviation (m) that is added to the lidar's own.
 
         Noise is drawn also when blind: its stream goes on.
         """
-        noise = self._sigma * self._rng.standard_normal(self.kind.beams)
+        noise = math.hypot(self._sigma, more_noise) * self._rng.standard_normal(self.kind.beams)
         ranges = np.full(self.kind.beams, np.nan) if blind else self._cast(model, data) + noise
         return Scan(
             stamp=stamp,

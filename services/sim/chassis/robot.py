@@ -52,13 +52,14 @@ class Robot:
         dock_poses: tuple[PoseTuple, ...],
     ) -> None:
         self.name, self.profile = name, profile
-        self.faults: set[str] = set()
+        self.faults: dict[str, float] = {}
+        """Those that it has → how much of each."""
         self.command: ChassisCommand | None = None
         self._admitted = -1
         self.body = int(model.body(name).id)
         self.hull = int(model.geom(f"{name}/hull").id)
         self._model, self._data = model, data
-        self._dock_poses = dock_poses
+        self.dock_poses = dock_poses
         self._find_addresses()
         self._targets = WheelTargets(0.0, 0.0)
         self._spindle = 0.0
@@ -105,7 +106,7 @@ class Robot:
             yaw += math.pi
         return any(
             math.hypot(x - dx, y - dy) < 0.02 and abs(wrap(yaw - dyaw)) < math.radians(3)
-            for dx, dy, dyaw in self._dock_poses
+            for dx, dy, dyaw in self.dock_poses
         )
 
     @property
@@ -181,12 +182,14 @@ class Robot:
     def imu(self, stamp: int) -> Imu:
         noise = self._imu_rng.standard_normal(6) * self._noise.scale
         measured = self._data.sensordata
-        turning = measured[self._gyro : self._gyro + 3] + self._gyro_bias + self._noise.gyro * noise[:3]
-        force = measured[self._accelerometer : self._accelerometer + 3] + self._noise.accelerometer * noise[3:]
+        tilt = rolled(self.faults.get("tilted", 0.0))
+        turning = tilt @ measured[self._gyro : self._gyro + 3] + self._gyro_bias + self._noise.gyro * noise[:3]
+        force = tilt @ measured[self._accelerometer : self._accelerometer + 3] + self._noise.accelerometer * noise[3:]
         return Imu(stamp=stamp, angular_velocity=tuple(turning.tolist()), linear_acceleration=tuple(force.tolist()))
 
     def scan(self, stamp: int) -> Scan:
-        return self._lidar.scan(self._model, self._data, stamp, blind="lidar_blind" in self.faults)
+        more_noise = self.faults.get("lidar_noisy", 0.0)
+        return self._lidar.scan(self._model, self._data, stamp, "lidar_blind" in self.faults, more_noise)
 
     def localised_pose(self, stamp: int) -> LocalisedPose:
         """Truth and seeded noise, standing where a localiser will."""
@@ -242,9 +245,21 @@ class Robot:
             emergency_stop_button="emergency_stop_button" in self.faults,
         )
 
+    def set_friction(self, friction: float | None) -> None:
+        """Of the wheels on the floor; None is that of the profile."""
+        value = self.profile.drive.friction if friction is None else friction
+        for part in WHEELS:
+            self._model.geom_friction[int(self._model.geom(f"{self.name}/{part}").id), 0] = value
+
     def chassis_model(self) -> ChassisModel:
         return self.profile.describe()
 
     def _wheel_angles(self) -> tuple[float, float]:
         left, right = (float(self._data.qpos[address]) for address in self._wheel_qpos)
         return left, right
+
+
+def rolled(angle: float) -> NDArray[np.float64]:
+    """The matrix (3 × 3) from the frame of a body to that of the same body turned by ``angle`` about its x axis."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])

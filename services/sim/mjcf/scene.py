@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from rackhand.schemas.planar import yaw_quaternion
 from rackhand.services.sim.mjcf import layers
@@ -75,6 +77,11 @@ def leg_name(rack: str, leg: int) -> str:
     return f"{rack}/leg{leg}"
 
 
+def leg_place(kind: RackKind, corner: tuple[int, int]) -> NDArray[np.float64]:
+    """Middle of the leg at a corner of ``LEGS``, in the rack's frame: x, y."""
+    return np.array(corner) * (np.array(kind.size) - kind.leg) / 2
+
+
 def _set_options(spec: Any, world: World) -> None:
     option = spec.option
     option.timestep = world.timestep
@@ -128,12 +135,12 @@ def _add_rack(spec: Any, name: str, rack: Rack, kind: RackKind) -> None:
         )
         _apply(shelf, layers.RACK)
     half = kind.leg / 2
-    for i, (sx, sy) in enumerate(LEGS):
+    for i, corner in enumerate(LEGS):
         leg = body.add_geom(
             name=leg_name(name, i),
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=[half, half, kind.height / 2],
-            pos=[sx * (length / 2 - half), sy * (width / 2 - half), kind.height / 2],
+            pos=[*leg_place(kind, corner), kind.height / 2],
             mass=legs_mass,
             rgba=colour,
         )

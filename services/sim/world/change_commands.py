@@ -119,16 +119,28 @@ def push(
 
 def fault(
     name: Annotated[str, typer.Argument(metavar="FAULT", help=f"one of: {', '.join(FAULTS)}")],
-    target: Annotated[str, typer.Argument(help="name of the chassis or rack")],
+    target: Annotated[str, typer.Argument(help="name of the chassis, rack, charger, lift or other thing that has it")],
     part: Annotated[int | None, typer.Option(help="one of its parts; default: all")] = None,
+    amount: Annotated[float | None, typer.Option(help="how much of it, where there is more and less")] = None,
+    at: Annotated[
+        tuple[float, float, float] | None, typer.Option(help="x, y (m) and yaw (rad) in the map, where it needs one")
+    ] = None,
+    shift: Annotated[
+        tuple[float, float, float] | None, typer.Option(help="x, y (m) and yaw (rad) in the frame of the target")
+    ] = None,
     clear: Annotated[bool, typer.Option("--clear", help="end the fault")] = False,
 ) -> None:
-    """Cause a fault, or end it. `rackhand world faults` lists them.
+    """Cause a fault, or end it. `rackhand world faults` lists them with what they do.
 
-    Example: `rackhand world fault lidar_dead amr1`, `rackhand world fault lidar_dead amr1 --clear`, or
-    `rackhand world fault leg_hidden rack_s1 --part 2`
+    Example: `rackhand world fault lidar_dead amr1`, `rackhand world fault lidar_dead amr1 --clear`,
+    `rackhand world fault leg_hidden rack_s1 --part 2`, `rackhand world fault battery_critical amr1 --amount 0.03`,
+    `rackhand world fault kidnapped amr1 --at 5.5 7.5 0`, or `rackhand world fault dock_moved charger_1 --shift 0 0.3 0`
     """
-    _change(op="fault", fault=name, target=target, part=part, active=not clear)
+    given = next((pose for pose in (at, shift) if pose is not None), None)
+    if (kind := FAULTS.get(name)) is not None and given is not None and (shift is None) == (kind.pose == "shift"):
+        raise typer.BadParameter(f"fault {name} takes {f'--{kind.pose}' if kind.pose else 'neither --at nor --shift'}")
+    pose = None if given is None else _pose(given)
+    _change(op="fault", fault=name, target=target, part=part, amount=amount, pose=pose, active=not clear)
 
 
 def faults() -> None:
@@ -137,8 +149,8 @@ def faults() -> None:
     Example: `rackhand world faults`
     """
     for kind in FAULTS.values():
-        parts = f" (parts 0 … {kind.parts - 1})" if kind.parts else ""
-        typer.echo(f"{kind.name:<22} {kind.target:<8} {kind.text}{parts}")
+        options = f" [{', '.join(kind.options)}]" if kind.options else ""
+        typer.echo(f"{kind.name:<22} {kind.target:<9} {kind.text}{options}")
 
 
 def inspect() -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -13,18 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rackhand.schemas.base import Pose2
-from rackhand.schemas.faults import FAULTS
 from rackhand.schemas.planar import as_tuple
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Change, InjectFault, MoveObject, MoveRobot, Place, Push, Remove, Restore
-from rackhand.services.sim.actors.movables import Frame, Movables
-from rackhand.services.sim.actors.obstacles import PERSON_SIZE, Obstacles
+from rackhand.services.sim.actors.movables import Frame
+from rackhand.services.sim.actors.obstacles import PERSON_SIZE
 from rackhand.services.sim.actors.walkers import Walker, make_route
-from rackhand.services.sim.arm.arm import Arm
 from rackhand.services.sim.chassis.robot import Robot
 from rackhand.services.sim.errors import unknown
-from rackhand.services.sim.lift.cabin import Lift
 from rackhand.services.sim.mjcf.layers import SOLID_BITS
+from rackhand.services.sim.world.fault_injector import FaultInjector
+from rackhand.services.sim.world.things import Things
 from rackhand.services.sim.world.touch_log import TouchLog
 from rackhand.worlds.data import PoseTuple
 from rackhand.worlds.world_model import Surfaces, World
@@ -32,17 +30,6 @@ from rackhand.worlds.world_model import Surfaces, World
 FARTHEST = 1000.0
 # What lies on something sinks into it by less than this: deeper is an overlap.
 RESTING_DEPTH = 0.003
-
-
-@dataclass(frozen=True)
-class Things:
-    """All that can be changed, of one model and data."""
-
-    robots: Mapping[str, Robot]
-    arms: Mapping[str, Arm]
-    lifts: Mapping[str, Lift]
-    obstacles: Obstacles
-    movables: Movables
 
 
 class Editor:
@@ -63,6 +50,7 @@ class Editor:
         self._obstacles, self._movables = things.obstacles, things.movables
         self._owner, self._controls, self._touch_log = owner, controls, touch_log
         self._solid = np.flatnonzero(model.geom_contype & SOLID_BITS)
+        self._faults = FaultInjector(world, model, data, things, owner, self._dispatch)
 
     def change(self, change: Change, stamp: int) -> None:
         """Raises ``RequestRefused``, and has then changed nothing."""
@@ -86,7 +74,7 @@ class Editor:
             case Push():
                 self._push(change)
             case InjectFault():
-                self._inject(change, stamp)
+                self._faults.inject(change, stamp)
 
     # -- obstacles and robots ----------------------------------------------------------------------------------------
 
@@ -209,29 +197,6 @@ class Editor:
             if touched is not None:
                 raise RequestRefused(RefusalCode.INVALID, _overlaps(name, frame.planar, touched))
         self._movables.removed.pop(name, None)
-
-    # -- faults ------------------------------------------------------------------------------------------------------
-
-    def _inject(self, fault: InjectFault, stamp: int) -> None:
-        kind = FAULTS[fault.fault]
-        if fault.part is not None and fault.part >= kind.parts:
-            known = f"0 … {kind.parts - 1}" if kind.parts else "none"
-            raise RequestRefused(RefusalCode.INVALID, f"fault {fault.fault!r} has no part {fault.part}; it has {known}")
-        if kind.target == "rack":
-            if fault.target not in self._world.racks:
-                raise unknown("rack", fault.target, self._world.racks)
-            self._movables.hide_leg(fault.target, fault.part, hidden=fault.active)
-            return
-        if kind.target == "lift":
-            if fault.target not in self._lifts:
-                raise unknown("lift", fault.target, self._lifts)
-            self._lifts[fault.target].fault(fault.fault, fault.active, stamp)
-            return
-        faults = self._robot(fault.target).faults
-        if fault.active:
-            faults.add(fault.fault)
-        else:
-            faults.discard(fault.fault)
 
     # -- checks ------------------------------------------------------------------------------------------------------
 

@@ -345,7 +345,7 @@ class PriorityAccess(RuleBasedStateMachine):
 # As many runs as are promised, the same ones each time; RACKHAND_FUZZ_EXAMPLES draws others.
 ASKED = os.environ.get("RACKHAND_FUZZ_EXAMPLES")
 PriorityAccess.TestCase.settings = settings(
-    max_examples=int(ASKED or 2000),
+    max_examples=int(ASKED or 1000),
     stateful_step_count=40,
     deadline=None,
     derandomize=ASKED is None,

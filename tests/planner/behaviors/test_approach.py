@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,17 @@ import pytest
 
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.moves import MoveCreate
-from rackhand.services.planner.behaviors.approach import approach
+from rackhand.services.planner.behaviors.along_given_route import AlongRoute
+from rackhand.services.planner.behaviors.approach import RouteFirst, approach
+from rackhand.services.planner.behaviors.base import Context, Done, Drive, Status
+from rackhand.services.planner.behaviors.docking import Docking
 from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose
+from rackhand.services.planner.behaviors.rack_area import RackArea
+from rackhand.services.planner.behaviors.registry import BEHAVIORS
 from rackhand.services.planner.errors import MoveFailed
-from rackhand.services.planner.geometry.se2 import wrap
+from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
+from rackhand.services.planner.load import Load, LoadState
+from rackhand.services.planner.planning.given_route import parse_route
 from rackhand.services.planner.planning.goals import Goal
 from tests.planner.behaviors.test_along_given_route import drive, fails_before_moving
 from tests.planner.plant import Hall, Plant, Robot
@@ -67,3 +75,53 @@ def test_a_goal_that_cannot_be_is_named_before_a_wheel_turns(begin: Begin) -> No
     fails_before_moving(robot, Reason.ENDING_POINT_OUT_OF_MAP)
     start(robot, route_coordinates="7, 4, 8, 4")
     fails_before_moving(robot, Reason.TOO_FAR_FROM_START_OF_TRACK)
+
+
+@pytest.mark.parametrize(
+    ("fields", "then"),
+    [
+        ({"type": "charge"}, Docking),
+        ({"type": "align_with_rack", "target_x": 1.0, "target_y": 1.0}, Docking),
+        ({"type": "align_with_rack", "rack_area_id": "a"}, RackArea),
+        ({"type": "to_unload_point", "rack_area_id": "a"}, RackArea),
+    ],
+)
+def test_what_docks_and_works_in_an_area_takes_its_route_first(fields: dict[str, Any], then: type) -> None:
+    make = BEHAVIORS[fields["type"]]
+    assert isinstance(make(MoveCreate(**fields)), then)
+    behavior = make(MoveCreate(**fields, route_coordinates=TEXT, detour_tolerance=0.5))
+    assert isinstance(behavior, RouteFirst) and isinstance(behavior._then, then)
+    with pytest.raises(MoveFailed, match="expected an even count"):
+        make(MoveCreate(**fields, route_coordinates="1, 2, 3"))
+
+
+class Waits:
+    """Stands still, and is done where the chassis is docked; ``checked`` counts how often it was asked."""
+
+    checked = 0
+
+    def check(self, ctx: Context) -> None:
+        del ctx
+        self.checked += 1
+
+    def stays_docked(self, ctx: Context) -> bool:
+        return ctx.load.state is LoadState.UNDER_RACK
+
+    def step(self, ctx: Context) -> Drive | Done:
+        return Done() if ctx.load.state is LoadState.UNDER_RACK else Drive(STANDSTILL)
+
+    def resume(self, ctx: Context) -> None:
+        """Nothing to resume."""
+
+    def status(self) -> Status:
+        return Status(intent="waits")
+
+
+def test_a_chassis_that_is_docked_there_already_does_not_drive_the_route() -> None:
+    then = Waits()
+    behavior = RouteFirst(AlongRoute(parse_route(TEXT)), then, then.check)
+    free: Any = SimpleNamespace(load=Load())
+    docked: Any = SimpleNamespace(load=Load(state=LoadState.UNDER_RACK))
+    assert behavior.stays_docked(docked) and not behavior.stays_docked(free)
+    assert isinstance(behavior.step(docked), Done) and then.checked == 1
+    assert behavior.status().intent == "waits"

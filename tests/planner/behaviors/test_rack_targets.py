@@ -9,6 +9,7 @@ import pytest
 
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.moves import MoveCreate
+from rackhand.services.planner.behaviors import to_unload_point
 from rackhand.services.planner.behaviors.align_with_rack import target_of
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.map.overlays import MapOverlays, parse_overlays
@@ -41,6 +42,16 @@ def test_the_nearest_rack_point_is_meant_and_its_heading_unless_another_is_reque
     assert target_of(request(1.0, 2.0, -1.0), MAP, 0.3).yaw == -1.0
     assert target_of(request(9.0, 2.0), MAP, 0.3).yaw == 0.0
     assert target_of(request(1.0, 2.0, 0.0), MAP, 0.3).yaw == 0.0
+
+
+@pytest.mark.parametrize(("side", "degrees"), [("front", 90), (None, 90), ("any", 90), ("back", -90)])
+def test_a_point_is_docked_to_from_its_side(side: str | None, degrees: float) -> None:
+    """Without a requested heading; the rack that is put down there can be fetched from the same side."""
+    point = feature("Point", [1.0, 2.0], type="34", name="s1", yaw="90", dockViaDirection=side)
+    wanted, found = request(1.0, 2.0), overlays(point)
+    assert target_of(wanted, found, 0.3).yaw == pytest.approx(math.radians(degrees))
+    assert to_unload_point.target_of(wanted, found, 0.3).yaw == pytest.approx(math.radians(degrees))
+    assert target_of(request(1.0, 2.0, 0.3), found, 0.3).yaw == 0.3
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,10 @@ def test_the_uid_changes_with_the_content(tmp_path: Path) -> None:
         ({"resolution": -1}, "resolution"),
         ({"origin": [0]}, r"origin is \[0\], want"),
         ({"origin": [0, 0, 1.5]}, "rotated by 1.5 rad"),
-        ({"negate": 1}, "negate is 1, want 0"),
+        ({"negate": 2}, "map.yaml: negate is 2, want 0 .* or 1"),
+        ({"mode": "Trinary"}, "map.yaml: mode is 'Trinary', want one of trinary, scale, raw"),
+        ({"occupied_thresh": "65"}, "occupied_thresh is '65', want a number from 0 to 1"),
+        ({"free_thresh": 0.7}, "free_thresh is 0.7, want less than occupied_thresh, which is 0.65"),
         ({"overlays": {"type": "x"}}, "overlays.type: 'x', want 'FeatureCollection'"),
     ],
 )

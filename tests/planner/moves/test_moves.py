@@ -20,7 +20,7 @@ from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import TIME_LIMIT_NS
 from rackhand.services.planner.moves.book import TARGET_MISSING
-from tests.planner.fakes import ARRIVED, FORWARD, STEP, UNIX_NS, Cell, driving
+from tests.planner.fakes import ARRIVED, FORWARD, STEP, UNIX_NS, Cell, Script, driving
 from tests.planner.test_parameters import put
 
 
@@ -60,6 +60,9 @@ def test_a_move_drives_and_succeeds(cell: Cell) -> None:
         ({"type": "standard", "target_x": None, "target_y": None, "rack_area_id": "a"}, TARGET_MISSING),
         ({"target_y": None, "target_ori": 1.0}, "target_x and target_y must be provided together"),
         ({"properties": {"inplace_rotate": "yes"}}, "properties.inplace_rotate is 'yes', want true or false"),
+        ({"properties": {"rack_layer": "top"}}, "properties.rack_layer is 'top', want an integer from 0 on"),
+        ({"properties": {"rack_layer": True}}, "properties.rack_layer is True, want an integer from 0 on"),
+        ({"properties": {"rack_layer": 1.0}}, "properties.rack_layer is 1.0, want an integer from 0 on"),
     ],
 )
 def test_what_is_not_well_formed_is_refused_and_changes_nothing(cell: Cell, fields: dict[str, Any], text: str) -> None:
@@ -68,6 +71,18 @@ def test_what_is_not_well_formed_is_refused_and_changes_nothing(cell: Cell, fiel
         cell.create(**fields)
     assert (refused.value.code, refused.value.text) == ("invalid", text)
     assert cell.get(running.id).state == "moving"
+
+
+def test_only_a_charge_move_says_whether_it_charges(make_cell: Callable[..., Cell]) -> None:
+    cell = make_cell(behaviors={"charge": (script := Script())})
+    for kind, ticks, expected in [("charge", [ARRIVED], True), ("charge", [], False), ("standard", [ARRIVED], None)]:
+        script.ticks, cell.script.ticks = list(ticks), list(ticks)
+        move = cell.create(type=kind)
+        assert move.is_charging is None
+        if not ticks:
+            cell.cancel(move.id)
+        cell.tick(2)
+        assert cell.get(move.id).is_charging is expected
 
 
 @pytest.mark.parametrize("bad", [{"a": float("nan")}, {"a": b"bytes"}, {"a": {1: 2}}, {"a": [[]]}])
