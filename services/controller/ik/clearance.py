@@ -27,9 +27,9 @@ BRAKING_SHARE = 0.5  # of their acceleration with which joints brake before an o
 
 
 class Conflict(NamedTuple):
-    """Posture number ``index`` of those that were looked at is too near: ``pair`` are ``distance`` [m] apart."""
+    """Posture number ``number`` of those that were looked at is too near: ``pair`` are ``distance`` [m] apart."""
 
-    index: int
+    number: int
     pair: tuple[str, str]
     distance: float
 
@@ -132,11 +132,15 @@ def _speed_share(
 
 
 def _geometry(number: int, solid: Solid) -> pin.GeometryObject:
-    shape = {
-        "sphere": lambda r: coal.Sphere(r),
-        "capsule": lambda r, half: coal.Capsule(r, 2 * half),
-        "cylinder": lambda r, half: coal.Cylinder(r, 2 * half),
-        "box": lambda *half: coal.Box(*(2 * h for h in half)),
-    }[solid.kind](*solid.size)
+    size = solid.size
+    match solid.kind:
+        case "sphere":
+            shape = coal.Sphere(size[0])
+        case "capsule":
+            shape = coal.Capsule(size[0], 2 * size[1])
+        case "cylinder":
+            shape = coal.Cylinder(size[0], 2 * size[1])
+        case "box":
+            shape = coal.Box(2 * size[0], 2 * size[1], 2 * size[2])
     pose = pin.SE3(solid.pose[:, :3], solid.pose[:, 3])
     return pin.GeometryObject(f"{number} {solid.name}", solid.joint + 1, pose, shape)

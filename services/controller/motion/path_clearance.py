@@ -22,7 +22,7 @@ class PathClearance:
         """Where from ``start`` on the ``curve`` comes too near something, and what."""
         s = self._places(curve, start)
         found = self._clearance.first_conflict(curve.derivatives(s)[0])
-        return None if found is None else (float(s[found.index]), str(found))
+        return None if found is None else (float(s[found.number]), str(found))
 
     def _places(self, curve: JointCurve, start: float) -> Array:
         """Values of s so near each other that no point of the arm moves farther than ``STEP`` between them."""

@@ -7,23 +7,6 @@ import numpy as np
 from rackhand.schemas.arrays import Array
 
 _TINY = 1e-12
-AVERAGED = 0.048
-"""Seconds over which references are averaged: what changes at each message of a stream, 8 to 24 ms apart, is noise that
-a ramp would turn into drift, because it answers the first change before it answers the second."""
-
-
-class Average:
-    """Mean of a vector over the last ``AVERAGED`` seconds, from zero on."""
-
-    def __init__(self, size: int, dt: float) -> None:
-        self._last = np.zeros((max(round(AVERAGED / dt), 1), size))
-        self._next = 0
-
-    def step(self, value: Array) -> Array:
-        """The mean with ``value`` as the newest one."""
-        self._last[self._next] = value
-        self._next = (self._next + 1) % len(self._last)
-        return np.asarray(self._last.mean(axis=0))
 
 
 class Ramp:

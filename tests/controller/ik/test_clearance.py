@@ -59,12 +59,12 @@ def test_the_first_conflict_of_a_row_of_postures_is_found_and_named() -> None:
     down = arm.home + np.pi * np.eye(6)[0] + np.outer(np.linspace(0, 1.2, 400), np.eye(6)[1])
     found = clearance.first_conflict(down)
     every = np.array([clearance.distances(q).min() for q in down])
-    assert found is not None and found.index == int(np.argmax(every < MARGIN))
+    assert found is not None and found.number == int(np.argmax(every < MARGIN))
     assert "tote_table" in found.pair and "come within" in str(found)
-    assert clearance.first_conflict(down[: found.index]) is None
-    assert clearance.first_conflict(down[found.index + 5 :: -1]) is None, "it may recede from what it is near to"
-    deeper = clearance.first_conflict(down[found.index + 5 :])
-    assert deeper is not None and deeper.index < 5
+    assert clearance.first_conflict(down[: found.number]) is None
+    assert clearance.first_conflict(down[found.number + 5 :: -1]) is None, "it may recede from what it is near to"
+    deeper = clearance.first_conflict(down[found.number + 5 :])
+    assert deeper is not None and deeper.number < 5
 
 
 @BOTH
