@@ -69,6 +69,18 @@ def test_what_ends_following(driver: JoinedChassis, stage: str, end: str) -> Non
     assert driver.world.inspect().contact_count == 0
 
 
+def test_a_planner_that_is_killed_while_it_follows_comes_back_standing(driver: JoinedChassis) -> None:
+    move = begin(driver, "driving")
+    driver.restart()
+    with pytest.raises(RequestRefused, match="no follow_target move is running"):
+        driver.ask(FollowTarget(state="follow_pose", position=TARGET))
+    driver.world.advance(1.0)
+    assert driver.stays_still() and driver.planning_state.move_state == "failed"
+    assert driver.move(move).fail_reason == MoveFailReason.PLATFORM_ALERT_ERROR
+    begin(driver, "at the distance")
+    assert driver.world.inspect().contact_count == 0
+
+
 @pytest.mark.parametrize("stage", STAGES)
 @pytest.mark.parametrize("hold", ["stop", "pause", "velocity"])
 def test_what_holds_following(driver: JoinedChassis, stage: str, hold: str) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import SetControlMode, SetEmergencyStop
+from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import PauseMove
 from rackhand.schemas.world import Place
 from tests.joined.chassis import JoinedChassis
@@ -73,6 +74,17 @@ def test_what_ends_a_route(driver: JoinedChassis, stage: str) -> None:
             assert driver.stays_still()
         driver.ask(SetControlMode(control_mode="auto"))
         assert driver.drive(standard(2.6, 1.5, 0.0)).state == "succeeded"
+    assert driver.world.inspect().contact_count == 0
+
+
+def test_a_planner_that_is_killed_on_the_line_comes_back_standing(driver: JoinedChassis) -> None:
+    move = driver.post(BODY)
+    wait_for(driver, "on the line")
+    driver.restart()
+    driver.world.advance(1.0)
+    assert driver.stays_still() and driver.planning_state.move_state == "failed"
+    assert driver.move(move).fail_reason == MoveFailReason.PLATFORM_ALERT_ERROR
+    assert driver.drive(BODY).state == "succeeded"
     assert driver.world.inspect().contact_count == 0
 
 
