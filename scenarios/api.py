@@ -58,6 +58,9 @@ class Api:
                 self._http.request(method, path, payload, headers)
                 answer = self._http.getresponse()
                 return answer.status, answer.read()
+            except TimeoutError:
+                self._http.close()
+                raise ApiError(f"{method} {path}: no answer within {TIMEOUT:g} s") from None
             except (http.client.RemoteDisconnected, ConnectionError) as error:
                 self._http.close()
                 if last:

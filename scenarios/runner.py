@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from rackhand.bus import Refused
+from rackhand.bus import BusError, Refused
 from rackhand.scenarios.api import Api, ApiError
 from rackhand.scenarios.maps import Maps
 from rackhand.scenarios.verdicts import Json, Outcome, Verdict, judge
@@ -87,12 +87,12 @@ class Runner:
                 self._take(step, f"step {number}")
             outcome = self._outcome()
             problems += judge(scenario.expect, outcome)
-        except (Broken, ApiError, Refused) as error:
+        except FAILURES as error:
             problems.append(_text(error))
         simulated = self._now
         try:
             problems += self._recover()
-        except (Broken, ApiError, Refused) as error:
+        except FAILURES as error:
             problems.append(f"after the scenario: {_text(error)}")
         move = outcome.move
         return Verdict(
@@ -301,6 +301,10 @@ class Runner:
     def _read(self, reply: WorldReply) -> None:
         self._now = reply.clock.stamp / NANOSECONDS
         self._contacts = tuple(contact.other for contact in reply.contacts)
+
+
+FAILURES = (Broken, ApiError, BusError)
+"""What ends a scenario without a verdict on its move, and is a problem of that scenario alone."""
 
 
 class _Undo:

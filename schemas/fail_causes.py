@@ -7,8 +7,9 @@ from typing import Literal
 
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 
-Met = Literal["move", "device", "unused"]
-"""By a ``move`` of a type of the API; only with a ``device`` that this chassis has none of; or never: ``unused``."""
+Met = Literal["move", "size", "device", "unused"]
+"""By a ``move`` of a type of the API, with a scenario for it; by one in a hall of a ``size`` that no scenario has; only
+with a ``device`` that this chassis has none of; or never: ``unused``."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,11 @@ CAUSES: dict[Reason, Cause] = {
     Reason.CALCULATION_FAILED: Cause(
         "no way leads to the goal: the ground between is not connected, or a given line is blocked on the map"
     ),
-    Reason.CALCULATION_TIMEOUT: Cause("the search for a path was ended before it had tried all"),
+    Reason.CALCULATION_TIMEOUT: Cause(
+        "the search for a path was ended after 6 million places: in a hall of more than about 30 x 30 m, where a way "
+        "exists for a circle inside the footprint but none for the footprint, and after minutes of computing",
+        "size",
+    ),
     Reason.NO_GLOBAL_PATH: Cause(
         "a way exists for a circle inside the footprint, but none on which the footprint can turn"
     ),

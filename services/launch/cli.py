@@ -66,7 +66,7 @@ def _speed(text: str) -> float | None:
         "rackhand up --lockstep --seed 7",
         "rackhand up --world pick_station --crf-port 5000",
         "rackhand up --world pick_station --arm fr3",
-        "rackhand up --world empty --no-sim --robot amr1    # then start its driver, as examples/01_hardware_driver.py",
+        "rackhand up --world empty --no-sim --robot amr1    # then start its driver, as examples/09_hardware_driver.py",
         "rackhand up --robot-profile jackal --port 8091 --bus-port 7448 --viewer-port 9091 --state-dir var/second",
     )
 )
@@ -157,6 +157,30 @@ def prepare() -> None:
     except CannotPrepare as error:
         _fail(str(error))
     typer.echo(f"rackhand: compiled code is ready after {seconds:.0f} s")
+
+
+@app.command(epilog=_examples("rackhand demo", "rackhand demo --lockstep --seed 7 --no-viewer"))
+def demo(
+    world: Annotated[str, typer.Option(help="name or folder of a world with the rack and the arm of the story")] = (
+        DEFAULTS.world
+    ),
+    speed: Annotated[str | None, typer.Option(help="ratio to real time, or max; default: 1, in lockstep max")] = None,
+    lockstep: Annotated[bool, typer.Option("--lockstep", help="as of `rackhand up`")] = DEFAULTS.lockstep,
+    seed: Annotated[int | None, typer.Option(min=0, help="as of `rackhand up`")] = DEFAULTS.seed,
+    viewer: Annotated[bool, typer.Option("--viewer/--no-viewer", help="serve the live view in Rerun")] = True,
+) -> None:
+    """Start a cell and play goods to arm in it: a rack is fetched, presented, picked from and taken back."""
+    from rackhand.services.launch.demo.play import play
+
+    given = speed or ("max" if lockstep else "1")
+    _speed(given)
+    options = [
+        "--speed",
+        given,
+        *(["--lockstep"] if lockstep else []),
+        *(["--seed", str(seed)] if seed is not None else []),
+    ]
+    raise typer.Exit(play(world, [*options, *(["--viewer-port", "0"] if viewer else ["--no-viewer"])]))
 
 
 @app.command(epilog=_examples("rackhand status", "rackhand status --url http://127.0.0.1:8091"))

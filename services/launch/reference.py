@@ -100,8 +100,8 @@ def fail_matrix() -> Table:
 
 
 def other_fail_reasons() -> Table:
-    """Header and rows of the reasons that no move of this chassis meets."""
-    header: tuple[str, ...] = ("code", "name", "why not met")
+    """Header and rows of the reasons that no scenario provokes, most of which no move of this chassis meets."""
+    header: tuple[str, ...] = ("code", "name", "why")
     rows: list[tuple[str, ...]] = [
         (str(int(reason)), reason.doc_name, f"needs {cause.text}" if cause.met == "device" else cause.text)
         for reason, cause in CAUSES.items()

@@ -22,7 +22,7 @@ from rackhand.services.launch.background import START, environment
 from rackhand.testing import Cell
 from tests.system.cell import ROOT
 
-EXAMPLE = ROOT / "examples" / "01_hardware_driver.py"
+EXAMPLE = ROOT / "examples" / "09_hardware_driver.py"
 Json = dict[str, Any]
 
 

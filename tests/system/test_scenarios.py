@@ -16,8 +16,8 @@ from rackhand.scenarios.cell import ScenarioCell
 from rackhand.scenarios.runner import Runner
 from rackhand.worlds.scenario_model import Scenario, load_scenarios
 
-# By world, so that each cell is started once. The slow ones come last, and run as well.
-SCENARIOS = sorted(load_scenarios(()), key=lambda scenario: (scenario.world, scenario.slow, scenario.name))
+# By world, so that each cell is started once.
+SCENARIOS = sorted(load_scenarios(()), key=lambda scenario: (scenario.world, scenario.name))
 RunnerOf = Callable[[str], Runner]
 
 
@@ -38,11 +38,7 @@ def runner_of() -> Iterator[RunnerOf]:
         yield runner
 
 
-def marked(scenario: Scenario) -> object:
-    return pytest.param(scenario, id=scenario.name, marks=[pytest.mark.slow] if scenario.slow else [])
-
-
-@pytest.mark.parametrize("scenario", [marked(scenario) for scenario in SCENARIOS])
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
 def test_a_scenario_ends_as_its_file_expects(scenario: Scenario, runner_of: RunnerOf) -> None:
     verdict = runner_of(scenario.world).run(scenario)
     assert verdict.problems == ()

@@ -61,7 +61,7 @@ class ChassisClient:
         self._wait(
             "/planning_state",
             lambda state: state["action_id"] == move and state["move_state"] in ENDED,
-            lambda state: f"{move_type}, {state['remaining_distance']:.1f} m to go",
+            lambda state: _shown(move_type, state["remaining_distance"]),
         )
         record = self.request("GET", f"/chassis/moves/{move}")
         if record["state"] != "succeeded":
@@ -132,3 +132,8 @@ class ChassisClient:
                 seconds = 0.0
         except TimeoutError:
             return
+
+
+def _shown(move_type: str, remaining: float) -> str:
+    """A move and the length of its path; there is none while the chassis docks."""
+    return f"{move_type}, {remaining:.1f} m to go" if remaining > 0 else move_type

@@ -64,6 +64,11 @@ class Goods:
         x, y, _ = planar.compose(rack, (self.at[0], self.at[1], 0.0))
         return x, y, self.at[2]
 
+    def pressed(self, rack: planar.PoseLike) -> Point:
+        """Where the rim of the cup seals."""
+        x, y, z = self.lid(rack)
+        return x, y, z - PRESS
+
     def above_lid(self, rack: planar.PoseLike) -> Point:
         x, y, z = self.lid(rack)
         return x, y, z + LIFT
