@@ -12,7 +12,8 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 ARGS   ?=
 SITE   := NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
-PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
+# In a terminal pip shows its progress.
+PIP    := $(BIN)/python -m pip install $(shell test -t 2 || echo --quiet) --disable-pip-version-check --editable
 
 .PHONY: run demo test lint docs site bench clean
 

@@ -21,6 +21,7 @@ from tests.system.driving import standard
 ROBOT = "amr1"
 ROUTE = np.array([(2.8, 1.5), (4.2, 1.5), (4.2, 2.2), (3.4, 2.2)])
 TEXT = ", ".join(f"{x}, {y}" for x, y in ROUTE)
+LOCALISED = 0.01  # m of the localised pose off the true one, 1 sigma; by the former the tolerance is kept
 BODY = {"type": "along_given_route", "route_coordinates": TEXT, "target_ori": 1.57}
 
 
@@ -139,7 +140,7 @@ def test_with_a_tolerance_a_crate_is_passed_and_without_one_waited_for(driver: J
     body = {"type": "along_given_route", "route_coordinates": "3, 1.5, 7.8, 1.5"}
     driver.world.ask(Place(name="crate", pose=Pose2(x=5.0, y=1.5, yaw=0.0), size=(0.5, 0.4, 0.5)))
     off = truly_off(driver, driver.post(body, detour_tolerance=0.6), route)
-    assert 0.4 < max(off) <= 0.6
+    assert 0.4 < max(off) <= 0.6 + LOCALISED
     assert driver.drive(standard(2.5, 1.5, 0.0)).state == "succeeded"
     move = driver.post(body)
     driver.world.advance(30.0)

@@ -12,8 +12,8 @@ import pytest
 from rackhand.schemas import planar
 from rackhand.services.controller import ik
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.mjcf.arm_model import GRIPPER_LENGTH
 from rackhand.services.sim.simulation import Simulation
+from rackhand.worlds.arm_model import GRIPPER_LENGTH
 from rackhand.worlds.world_model import World, load_world
 
 POINT = (16.6, 12.2, math.pi / 2)

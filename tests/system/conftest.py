@@ -18,7 +18,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="module")
-def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
+def real_time_cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
     """One cell for all tests of a module: world ``warehouse`` at real time, which leaves the machine to the tests."""
     with Cell(tmp_path_factory.mktemp("cell"), lockstep=False) as cell:
         yield cell

@@ -67,6 +67,11 @@ bounded = settings(
 
 
 @pytest.fixture(scope="module")
+def cell(real_time_cell: Cell) -> Cell:
+    return real_time_cell
+
+
+@pytest.fixture(scope="module")
 def client(cell: Cell) -> Iterator[httpx.Client]:
     with httpx.Client(base_url=cell.http, timeout=30.0) as client:
         yield client

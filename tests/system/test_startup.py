@@ -33,6 +33,11 @@ def rackhand(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
 
 
+@pytest.fixture(scope="module")
+def cell(real_time_cell: Cell) -> Cell:
+    return real_time_cell
+
+
 def test_every_service_is_up_and_reported(cell: Cell) -> None:
     answer = httpx.get(f"{cell.http}/healthz")
     assert answer.status_code == 200
