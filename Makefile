@@ -1,4 +1,5 @@
 # make run    starts the cell (ARGS="--world empty --speed max" passes options on; `make run ARGS=--help` lists them)
+# make demo   plays goods to arm in a cell of its own (ARGS="--lockstep --seed 7 --no-viewer" passes options on)
 # make test   runs the tests  (ARGS="tests/planner -k corridor" passes options on)
 # make lint   checks style, types, the rules of the house, and the documentation's links
 # make bench  runs the benchmarks (ARGS=bus picks one), beside other libraries where there are some
@@ -11,12 +12,16 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 ARGS   ?=
 SITE   := NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
-PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
+# In a terminal pip shows its progress.
+PIP    := $(BIN)/python -m pip install $(shell test -t 2 || echo --quiet) --disable-pip-version-check --editable
 
-.PHONY: run test lint docs site bench clean
+.PHONY: run demo test lint docs site bench clean
 
 run: $(VENV)/.run
 	@exec $(BIN)/rackhand up $(ARGS)
+
+demo: $(VENV)/.run
+	@exec $(BIN)/rackhand demo $(ARGS)
 
 # What needs no processes is tested first. Cells are several processes each that mostly wait for each other: two at a time.
 test: $(VENV)/.dev

@@ -29,6 +29,7 @@ NAMES = (
     "rack_hour",
     "carrying",
     "routes",
+    "lift",
     "ik",
     "motion",
     "trajectory",

@@ -21,7 +21,7 @@ from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.chassis import ChassisCommand, Odometry
 from rackhand.schemas.codec import codec_for
 from rackhand.schemas.service import WORLD, ServiceId
-from tests.ports import free_port
+from rackhand.testing.ports import free_port
 
 ROUNDS, PINGS = 20, 150
 BARE_PING, BARE_PONG = "rackhand/bench/ping", "rackhand/bench/pong"

@@ -14,12 +14,11 @@ import mujoco
 from benchmarks.report import Report
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.services.sim.simulation import Simulation
+from rackhand.testing import Cell, Judge
+from rackhand.testing.ports import free_port
 from rackhand.worlds.chassis_model import load_profiles
 from rackhand.worlds.world_model import World, load_world
-from tests.ports import free_port
-from tests.system.cell import Cell
-from tests.system.driving import Driver
-from tests.system.judge import Judge, standard
+from tests.system.driving import Driver, standard
 
 SECONDS = 30.0  # of simulation time, each
 GOALS = ((9.0, 7.3), (2.5, 7.3))
@@ -92,7 +91,11 @@ def simulator_alone() -> float:
 
 def whole_cell(*options: str) -> tuple[float, str]:
     """Times real time, and the processor time of each service in ms per simulated second."""
-    with tempfile.TemporaryDirectory() as folder, Cell(Path(folder), *options) as cell, Judge(cell.bus) as judge:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Cell(Path(folder), *options, lockstep="--lockstep" in options) as cell,
+        Judge(cell.bus) as judge,
+    ):
         driver = Driver(cell, judge)
         driver.wait_until_joined()
         pids = {service: cell.pid(service) for service in SERVICES}

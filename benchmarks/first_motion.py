@@ -11,9 +11,8 @@ from rackhand.bus import Bus, Sample
 from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.service import CELL, ServiceId
-from tests.system.cell import Cell
-from tests.system.driving import Driver
-from tests.system.judge import Judge, standard
+from rackhand.testing import Cell, Judge
+from tests.system.driving import Driver, standard
 
 MOVES = 20
 GOAL = (7.0, 1.5)
@@ -26,7 +25,7 @@ def run() -> Report:
     posting: list[float] = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        Cell(Path(folder), "--speed", "1") as cell,
+        Cell(Path(folder), lockstep=False) as cell,
         Judge(cell.bus) as judge,
         Bus(ServiceId("bench", CELL), cell.bus_config()) as bus,
     ):

@@ -24,8 +24,9 @@ from rackhand.schemas.base import Pose2
 from rackhand.schemas.chassis import ChassisCommand
 from rackhand.schemas.world import Place
 from rackhand.services.planner.chassis import PERIOD_NS
+from rackhand.testing import distance, turn
 from tests.joined.world import JoinedWorld
-from tests.system.judge import distance, standard, turn
+from tests.system.driving import standard
 
 CRATES = {"crate_1": (9.4, 7.1), "crate_2": (14.3, 9.6)}
 SEED, GOALS = 20, 20

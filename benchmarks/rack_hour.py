@@ -23,11 +23,11 @@ from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.jacking import REACHED
 from rackhand.services.planner.load import LoadState
 from rackhand.services.planner.map.overlays import PointOfInterest
+from rackhand.testing import turn
 from rackhand.worlds.scatter import scattered
 from rackhand.worlds.world_model import World, load_world
 from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
-from tests.system.judge import turn
 
 HOUR = 3600.0
 STEP = 0.2  # s between two looks of the client

@@ -18,11 +18,11 @@ from rackhand.schemas.maps import PointType
 from rackhand.schemas.world import Touch
 from rackhand.services.planner.load import LoadState
 from rackhand.services.planner.map.overlays import MapOverlays, PointOfInterest, Zone
+from rackhand.testing import turn
 from rackhand.worlds.scatter import scattered
 from rackhand.worlds.world_model import World, load_world
 from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
-from tests.system.judge import turn
 
 Sort = Literal["point to point", "point to area", "area to area"]
 SORTS: tuple[Sort, ...] = ("point to point", "point to area", "area to area")

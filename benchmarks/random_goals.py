@@ -29,8 +29,9 @@ from benchmarks.report import Report
 from rackhand.schemas.base import NANOSECONDS, Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.world import Contact, Place, Remove
+from rackhand.testing import distance
 from tests.joined.world import JoinedWorld
-from tests.system.judge import distance, standard
+from tests.system.driving import standard
 
 MINUTES, PART = 120, 10  # minutes of simulation: of a whole run, and of one world
 PERIOD = 10.0  # s between two goals

@@ -23,11 +23,10 @@ from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.moves import TERMINAL
 from rackhand.schemas.service import CELL, ServiceId
 from rackhand.services.launch.child import GUARD
-from tests.ports import free_port
+from rackhand.testing import Cell, Judge
+from rackhand.testing.ports import free_port
 from tests.scheduling import real_time_is_granted
-from tests.system.cell import Cell
-from tests.system.driving import Driver
-from tests.system.judge import Judge, standard
+from tests.system.driving import Driver, standard
 
 GOALS = ((9.0, 7.3), (2.5, 7.3))
 MEMORY = "16MB"
@@ -111,7 +110,7 @@ def compared(
     pairs = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        Cell(Path(folder), "--speed", speed) as cell,
+        Cell(Path(folder), "--speed", speed, lockstep=False) as cell,
         Judge(cell.bus) as judge,
         Bus(ServiceId("bench", CELL), cell.bus_config()) as bus,
     ):

@@ -10,8 +10,7 @@ from benchmarks.report import Report
 from benchmarks.viewer import MEMORY, Work, viewer
 from rackhand.bus import Bus
 from rackhand.schemas.service import CELL, ServiceId
-from tests.system.cell import Cell
-from tests.system.judge import Judge
+from rackhand.testing import Cell, Judge
 
 HOUR, READINGS = 3600.0, 12  # of simulation
 
@@ -33,7 +32,7 @@ def memory_rows() -> list[tuple[str, ...]]:
     rows = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        Cell(Path(folder), "--speed", "max") as cell,
+        Cell(Path(folder), "--speed", "max", lockstep=False) as cell,
         Judge(cell.bus) as judge,
         Bus(ServiceId("bench", CELL), cell.bus_config()) as bus,
         viewer(cell, bus) as pid,

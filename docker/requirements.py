@@ -17,7 +17,7 @@ def main(extras: list[str]) -> None:
     if unknown := set(extras) - known.keys():
         sys.exit(f"requirements.py: unknown extras {sorted(unknown)}; known: {sorted(known)}")
     build = [] if extras else pyproject["build-system"]["requires"]
-    chosen = extras or [name for name in known if name not in ("bench", "dev", "docs")]
+    chosen = extras or [name for name in known if name not in ("bench", "dev", "docs", "testing")]
     print(*dict.fromkeys([*build, *(line for extra in chosen for line in known[extra])]), sep="\n")
 
 

@@ -81,7 +81,8 @@ def draw_access() -> None:
     d.box("blue", 140, 40, 200, 50, "holds: appendPath")
     d.box("red", 350, 40, 110, 50, "controlLost")
     d.box("blue", 690, 40, 150, 50, "may take it again")
-    d.box("green", 345, 120, 325, 50, "takes over, then holds: setVelocity …")
+    d.box("green", 345, 120, 325, 50)
+    d.text(415, 150, "takes over, then holds: setVelocity …")
     for x, w, kind, text in (
         (150, 190, "blue", "drives the path"),
         (345, 90, "red", "brakes"),
@@ -110,7 +111,7 @@ def draw_ik() -> None:
     d.path("blue", *upper, *lower, close=True)
     d.path("arrow", (left - 30, middle), (right + 50, middle))
     d.path("arrow", (left - 30, 340), (left - 30, 30))
-    d.text(right - 30, middle + 150, "position of the joint →")
+    d.text(right - 120, middle + 150, "position of the joint →")
     d.text(left - 60, 22, "velocity")
     d.text(left - 8, middle + 18, "lower end")
     d.text(right - 5, middle + 18, "upper end")
@@ -125,8 +126,8 @@ def draw_ik() -> None:
     d.text(x + 66, y + 66, "now")
     d.text(330, middle - top - 10, "velocity limit")
     d.text(330, middle + top + 22, "velocity limit")
-    d.text(380, middle - 20, "from everywhere in here the joint", "name")
-    d.text(380, middle + 2, "can stop before its end", "name")
+    d.text(330, middle - 42, "from everywhere in here the joint", "name")
+    d.text(330, middle - 20, "can stop before its end", "name")
     d.write("ik.svg")
 
 
@@ -136,8 +137,8 @@ def draw_docking() -> None:
     cx, cy, half = 640.0, 160.0, 100.0
     d.box("grey", cx - half, cy - half, 2 * half, 2 * half)
     d.text(cx, cy - half - 10, "rack", "name mid")
-    d.path("green", (430, cy - 62), (cx + 90, cy - 62), (cx + 90, cy + 62), (430, cy + 62), close=True)
-    d.text(cx, cy + 82, "lane", "note mid")
+    d.path("green", (430, cy - 94), (cx + 94, cy - 94), (cx + 94, cy + 94), (430, cy + 94), close=True)
+    d.text(440, cy + 86, "lane")
     corners = [(cx + sx * 82, cy + sy * 82) for sx in (-1, 1) for sy in (-1, 1)]
     for x, y in corners:
         d.box("box", x - 7, y - 7, 14, 14)

@@ -21,10 +21,9 @@ from PIL import Image
 from playwright.sync_api import expect
 from rerun.experimental import ViewerClient
 
+from rackhand.testing import Cell, Judge
 from tests.gateway.browser import browser, wait_until
-from tests.system.cell import Cell
 from tests.system.driving import Driver
-from tests.system.judge import Judge
 from tests.viewer import native
 
 FOLDER = Path(__file__).parent
@@ -40,8 +39,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", help=f"which: {', '.join(PICTURES)} (all if none is named)")
     names = parser.parse_args().names or list(PICTURES)
     for name in names:
-        options = ("--world", "warehouse", "--speed", "1")
-        with tempfile.TemporaryDirectory() as folder, Cell(Path(folder), *options, viewer=True) as cell:
+        with tempfile.TemporaryDirectory() as folder, Cell(Path(folder), lockstep=False, viewer=True) as cell:
             picture = FOLDER / f"{name}.png"
             PICTURES[name](cell, picture)
         print(f"{picture}: {picture.stat().st_size // 1024} KiB")

@@ -37,6 +37,15 @@ class FaultKind:
     amount: Amount | None = None
     pose: Literal["at", "shift"] | None = None
 
+    @property
+    def options(self) -> tuple[str, ...]:
+        """What it takes beside its target, as on the command line."""
+        found = [f"--part 0 … {self.parts - 1}"] if self.parts else []
+        if (amount := self.amount) is not None:
+            limits = f"{amount.least:g} … {amount.most:g}"
+            found.append(f"--amount {limits} ({amount.text}; default {amount.default:g})")
+        return (*found, *((f"--{self.pose} X Y YAW",) if self.pose else ()))
+
 
 FAULTS = {
     kind.name: kind

@@ -15,6 +15,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from rackhand.schemas import chassis, explain, lift, maps, motion, moves, parameters, racks, service, world
 from rackhand.schemas import websocket as ws
+from rackhand.schemas import websocket_lifts as ws_lifts
 from rackhand.schemas import websocket_racks as ws_racks
 from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.service import WORLD
@@ -179,9 +180,9 @@ MOTION_SESSION = _arm("motion/session", motion.SessionGone, "gateway", ("control
                       "the connection of a client was closed")
 
 LIFT_STATE = Topic("lift/state", "rackhand/{robot}/lift/state", "lift", lift.LiftState, "driver",
-                   ("gateway",), 5, Qos.STREAM, "floor, doors, who has the lift")
+                   ("gateway", "viewer"), 5, Qos.STREAM, "floor, doors, who has the lift", (ws_lifts.LiftStates,))
 LIFT_MODEL = Topic("lift/model", "rackhand/{robot}/lift/model", "lift", lift.LiftModel, "driver",
-                   ("gateway",), 0, Qos.LATCHED, "floors, cabin and door of a lift")
+                   ("gateway", "viewer"), 0, Qos.LATCHED, "floors, cabin and door of a lift")
 
 BUS_STATS = Topic("bus/stats", "rackhand/{robot}/bus/stats", "any", service.BusStats, "every service", ("viewer",), 0,
                   Qos.STREAM, "samples that a service received, lost and could not parse, per second of wall time")
@@ -208,7 +209,7 @@ MOTION = Query("motion/command", "rackhand/{robot}/motion/command", "arm", motio
 MOTION_STOP = Query("motion/stop", "rackhand/{robot}/motion/stop", "arm", motion.CrfCall, motion.CrfAnswer,
                     "controller", ("gateway", "node"), "softStop and hardStop, not queued behind other requests")
 LIFT = Query("lift/command", "rackhand/{robot}/lift/command", "lift", lift.LiftRequest, lift.LiftState, "driver",
-             ("planner", "gateway", "node"), "call a lift, hold its doors, go to a floor, release it")
+             ("gateway", "node"), "call a lift, hold its doors, go to a floor, release it")
 WORLD_CONTROL = Query("world/control", "rackhand/world/control", "world", world.WorldRequest, world.WorldReply, "sim",
                       ("planner", "controller", "node"), "join, pause, advance, speed, reset, place, faults, inspect")
 # fmt: on

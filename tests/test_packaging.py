@@ -16,8 +16,8 @@ BUILD = "import sys; from setuptools import build_meta; build_meta.build_wheel(s
 
 
 @pytest.fixture(scope="module")
-def names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
-    """Files of a wheel that is built from a copy of what the repository tracks."""
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel that is built from a copy of what the repository tracks."""
     folder = tmp_path_factory.mktemp("wheel")
     copy = folder / "copy"
     tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
@@ -28,6 +28,11 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
         shutil.copy2(ROOT / name, copy / name, follow_symlinks=False)
     subprocess.run([sys.executable, "-c", BUILD, str(folder)], cwd=copy, capture_output=True, check=True)
     (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def names(wheel: Path) -> set[str]:
     return set(zipfile.ZipFile(wheel).namelist())
 
 
@@ -36,7 +41,7 @@ def test_it_installs_one_name(names: set[str]) -> None:
 
 
 def test_every_module_and_every_data_file_is_in_it(names: set[str]) -> None:
-    folders = ("schemas", "bus", "runtime", "services", "worlds")
+    folders = ("schemas", "bus", "runtime", "services", "testing", "scenarios", "worlds")
     kinds = {".py", ".yaml", ".xml", ".png", ".geojson", ".html", ".css", ".js"}
     files = [path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in kinds]
     missing = {f"rackhand/{path.relative_to(ROOT)}" for path in files} - names
@@ -59,3 +64,9 @@ def test_what_an_image_compiles_with_runs(module: str) -> None:
 
 def test_it_says_that_it_is_typed(names: set[str]) -> None:
     assert "rackhand/py.typed" in names
+
+
+def test_pytest_finds_the_plugin_of_the_test_kit(wheel: Path) -> None:
+    archive = zipfile.ZipFile(wheel)
+    (entry_points,) = (name for name in archive.namelist() if name.endswith("entry_points.txt"))
+    assert "[pytest11]\nrackhand.testing.plugin = rackhand.testing.plugin\n" in archive.read(entry_points).decode()

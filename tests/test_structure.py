@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = ("schemas", "bus", "runtime", "services", "worlds")
+FOLDERS = ("schemas", "bus", "runtime", "services", "testing", "scenarios", "worlds")
 MAX_ARGUMENTS = 10
 MAX_LINES = 450
 # Functions with more arguments: command lines, which have one an option.

@@ -10,6 +10,9 @@ from pydantic import Field, model_validator
 from rackhand.worlds.data import Data, Point3, Positive, WorldFileError, known_files, read_model
 from rackhand.worlds.world_model import World
 
+# The suction gripper: a cup on a short tube, along z of the flange (m).
+GRIPPER_LENGTH, GRIPPER_RADIUS = 0.12, 0.025
+
 PerJoint = Annotated[tuple[Positive, ...], Field(min_length=1)]
 LinearAngular = tuple[Positive, Positive]
 

@@ -50,6 +50,9 @@ def _of_step(step: Step, scenario: Scenario, world: World, placed: set[str]) -> 
             yield f"{name!r} is no rack or item of world {world.name}; known: {sorted(movable)}"
     for fault in (*step.faults, *step.clear):
         yield from _of_fault(fault, scenario, world, active=fault in step.faults)
+    for name in step.lift:
+        if name not in world.lifts:
+            yield f"lift: {name!r} is no lift of world {world.name}; known: {sorted(world.lifts)}"
     if step.move is not None:
         yield from _of_move(step.move)
 

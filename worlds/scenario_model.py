@@ -127,8 +127,8 @@ class Step(Data):
 
     ``put``: set robots, racks and items down elsewhere. ``remove``: take racks, items and obstacles out of the world.
     ``kill``: end a service's process; the supervisor starts it again. ``map``: a changed one, ``none``, or that of the
-    ``world``. ``jack``: request its way up or down, and wait until it has arrived. ``move``: the body of
-    ``POST /chassis/moves``.
+    ``world``. ``jack``: request its way up or down, and wait until it has arrived. ``lift``: a request to a
+    lift, as ``{op: call, floor: floor1}``. ``move``: the body of ``POST /chassis/moves``.
     """
 
     when: Condition | None = None
@@ -143,6 +143,7 @@ class Step(Data):
     map: MapChange | Literal["none", "world"] | None = None
     settings: Json = Field(default_factory=dict)
     jack: Literal["up", "down"] | None = None
+    lift: dict[str, Json] = Field(default_factory=dict)
     call: Call | None = None
     move: Json | None = None
 
@@ -227,9 +228,9 @@ def _scenarios_in(folders: Iterable[Path]) -> dict[str, Path]:
     return found
 
 
-def load_scenarios(names: Iterable[str]) -> tuple[Scenario, ...]:
-    """Scenarios by their names, by the name of a world (all of its own), or by the path of a file; all known ones if
-    none is named. Raises ``WorldFileError``.
+def scenario_files(names: Iterable[str]) -> tuple[Path, ...]:
+    """Files of scenarios by their names, by the name of a world (all of its own), or by their paths; of all known ones
+    if none is named. Raises ``WorldFileError``.
     """
     known = known_scenarios()
     worlds = {path.parents[1].name for path in known.values()}
@@ -243,4 +244,9 @@ def load_scenarios(names: Iterable[str]) -> tuple[Scenario, ...]:
             paths.append(Path(name))
         else:
             raise WorldFileError(f"there is no scenario or world {name!r}; `rackhand scenario list` shows them")
-    return tuple(read_scenario(path) for path in dict.fromkeys(paths or known.values()))
+    return tuple(dict.fromkeys(paths or known.values()))
+
+
+def load_scenarios(names: Iterable[str]) -> tuple[Scenario, ...]:
+    """The scenarios of ``scenario_files``. Raises ``WorldFileError``."""
+    return tuple(read_scenario(path) for path in scenario_files(names))

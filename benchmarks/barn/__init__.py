@@ -23,11 +23,10 @@ from benchmarks.progress import say, track
 from benchmarks.report import Report, Table, percentile
 from rackhand.schemas.moves import TERMINAL
 from rackhand.services.sim.world.barn import write_barn_world
+from rackhand.testing import Cell, Judge, distance
 from rackhand.worlds.data import WORLDS_PATH
 from rackhand.worlds.world_model import load_world
-from tests.system.cell import Cell
 from tests.system.driving import Driver
-from tests.system.judge import Judge, distance
 
 DATA = Path(__file__).with_name("worlds.json")
 ACCURACY = 0.5  # m of the zone that is asked for
@@ -85,7 +84,7 @@ def drive(data: Path, number: str) -> Result:
         write_barn_world(data, number, folder / f"barn_{number}")
         environment = {WORLDS_PATH: name}
         with (
-            Cell(folder, "--world", f"barn_{number}", "--lockstep", "--speed", "max", environment=environment) as cell,
+            Cell(folder, world=f"barn_{number}", crf=False, environment=environment) as cell,
             Judge(cell.bus) as judge,
         ):
             driver = Driver(cell, judge)

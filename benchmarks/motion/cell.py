@@ -16,8 +16,8 @@ from benchmarks.motion.driver import ARM
 from rackhand.bus import BusConfig
 from rackhand.services.controller.ik import load_arm
 from rackhand.services.launch.processes import Address, CellOptions, Process, cell_processes
+from rackhand.testing.ports import free_port
 from rackhand.worlds.world_model import load_world
-from tests.ports import free_port
 
 
 class MotionCell:

@@ -25,6 +25,8 @@ from rackhand.services.controller.access.types import SECOND, AccessConfig
 from rackhand.services.controller.controller import Controller
 from rackhand.services.controller.service import ControllerService
 from rackhand.services.controller.warm_up import warm_up
+from rackhand.worlds.data import WorldFileError
+from rackhand.worlds.world_model import load_world
 
 log = get_logger(__name__)
 
@@ -52,6 +54,10 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     robot: Annotated[str, typer.Option(help="name of the arm on the bus")] = "arm1",
     arm: Annotated[str, typer.Option(help="profile of the arm, one of worlds/arms")] = "ur5e",
+    world: Annotated[
+        str | None,
+        typer.Option(help="name or folder of the world, whose statics the arm keeps clear of  [default: none]"),
+    ] = None,
     rate: Annotated[int, typer.Option(min=50, max=1000, help="commands per second")] = 250,
     state_dir: Annotated[Path | None, typer.Option(help="folder of the audit log  [default: var/ROBOT]")] = None,
     strict_crf: Annotated[
@@ -81,9 +87,9 @@ def main(
         known = ", ".join(sorted(OPTIONAL_COMMANDS))
         raise typer.BadParameter(f"{', '.join(strangers)}: want one of {known}", param_hint="--without")
     try:
-        model = ik.load_arm(arm)
+        model = _model(arm, robot, world)
         audit_log = AuditLog((state_dir or Path("var") / robot) / "audit.jsonl")
-    except (ik.ArmError, OSError) as error:
+    except (ik.ArmError, WorldFileError, OSError) as error:
         typer.echo(f"controller of {robot}: {error}", err=True)
         raise typer.Exit(2) from None
     configure_logging("controller")
@@ -115,6 +121,17 @@ def main(
             planning.shutdown(wait=False, cancel_futures=True)
             reading.shutdown(wait=False, cancel_futures=True)
             audit.close()
+
+
+def _model(kind: str, robot: str, world: str | None) -> ik.Arm:
+    """The arm in its station. Raises ``ik.ArmError`` and ``WorldFileError``."""
+    model = ik.load_arm(kind)
+    if world is None:
+        return model
+    loaded = load_world(world)
+    if robot not in loaded.arms:
+        raise WorldFileError(f"--robot {robot}: arms of {loaded.name} are {sorted(loaded.arms)}")
+    return ik.in_station(model, loaded, robot)
 
 
 if __name__ == "__main__":

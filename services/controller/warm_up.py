@@ -47,6 +47,8 @@ def warm_up(arm: ik.Arm, period_ns: int) -> None:
         {"command": "appendPath", "type": "task", "data": poses, "method": 1, "reference": 1},
         {"command": "setVelocity", "type": "joints", "data": [0.01] * arm.n},
         {"command": "setVelocity", "type": "task", "data": [0.01] * 6, "reference": 2},
+        {"command": "setParameters", "data": {"Controller": {"ObjectiveFunctions": _objectives()}}},
+        {"command": "setVelocity", "type": "task", "data": [0.01] * 6, "reference": 2},
         {"command": "getStatus"},
     ]
     q, stamp = tuple(arm.home.tolist()), 0
@@ -59,6 +61,14 @@ def warm_up(arm: ik.Arm, period_ns: int) -> None:
             command = controller.tick(state, lockstep=True)
             q = command.values if command.mode == "position" else q
             stamp += period_ns
+
+
+def _objectives() -> dict[str, Any]:
+    """All that a client can switch on, with a sphere that the arm is far from."""
+    on = {"enable": True, "blend": 0.0}
+    sphere = {**on, "center": [0.0, 0.0, 10.0], "radius": 0.1}
+    names = ("JointLimits", "DesiredJointPositions", "Manipulability")
+    return {**dict.fromkeys(names, on), "CollisionAvoidanceSphere": sphere}
 
 
 if __name__ == "__main__":

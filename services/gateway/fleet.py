@@ -8,6 +8,7 @@ from typing import Any
 
 from rackhand.bus import Inbox
 from rackhand.schemas.base import Message
+from rackhand.schemas.lift import LiftState
 from rackhand.schemas.topics import Qos, Topic, read_by
 from rackhand.services.gateway.presence import Services
 from rackhand.services.gateway.state import RobotState
@@ -31,7 +32,7 @@ class Fleet:
         return self.names[0] if self.names else ""
 
     def subscribe(self, inbox: Inbox) -> None:
-        """Everything the table of topics lets a gateway read of these robots and of the world."""
+        """Everything the table of topics lets a gateway read of these robots, of lifts and of the world."""
         for topic in read_by("gateway", owner="chassis"):
             depth = STREAM_DEPTH if topic.qos is Qos.STREAM else None
             handler = partial(self.on_message, topic)
@@ -39,14 +40,25 @@ class Fleet:
                 inbox.on(topic, handler, robot, depth=depth)
         for topic in read_by("gateway", owner="world") if self.names else ():
             inbox.on(topic, partial(self.on_world_message, topic), depth=1)
+        for topic in read_by("gateway", owner="lift") if self.names else ():
+            inbox.on(topic, partial(self.on_message, topic), depth=STREAM_DEPTH if topic.qos is Qos.STREAM else None)
 
     def on_message(self, topic: Topic[Any], robot: str, message: Message) -> None:
-        hub = self.hubs.get(robot)
-        if hub is not None:
+        """``robot``: whose message it is, a chassis or a lift."""
+        if topic.owner == "lift":
+            self._on_lift_message(topic, robot, message)
+        elif (hub := self.hubs.get(robot)) is not None:
             hub.on_message(topic, message)
 
     def on_world_message(self, topic: Topic[Any], _world: str, message: Message) -> None:
         for hub in self.hubs.values():
+            hub.on_message(topic, message)
+
+    def _on_lift_message(self, topic: Topic[Any], lift: str, message: Message) -> None:
+        """Lifts are there for every chassis of the cell."""
+        for hub in self.hubs.values():
+            if isinstance(message, LiftState):
+                hub.state.facts.lifts[lift] = message
             hub.on_message(topic, message)
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ from rackhand.schemas import websocket as ws
 from rackhand.schemas.base import Message
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.websocket_racks import LoadFrame
-from rackhand.services.gateway.ws import rack_payloads  # noqa: F401 - registers its topics in PAYLOADS
+from rackhand.services.gateway.ws import lift_payloads, rack_payloads  # noqa: F401 - they register in PAYLOADS
 from rackhand.services.gateway.ws.facts import Facts
 from rackhand.services.gateway.ws.payloads import PAYLOADS
 

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -65,7 +66,7 @@ def _speed(text: str) -> float | None:
         "rackhand up --lockstep --seed 7",
         "rackhand up --world pick_station --crf-port 5000",
         "rackhand up --world pick_station --arm fr3",
-        "rackhand up --world empty --no-sim --robot amr1    # then start its driver, as examples/01_hardware_driver.py",
+        "rackhand up --world empty --no-sim --robot amr1    # then start its driver, as examples/09_hardware_driver.py",
         "rackhand up --robot-profile jackal --port 8091 --bus-port 7448 --viewer-port 9091 --state-dir var/second",
     )
 )
@@ -156,6 +157,30 @@ def prepare() -> None:
     except CannotPrepare as error:
         _fail(str(error))
     typer.echo(f"rackhand: compiled code is ready after {seconds:.0f} s")
+
+
+@app.command(epilog=_examples("rackhand demo", "rackhand demo --lockstep --seed 7 --no-viewer"))
+def demo(
+    world: Annotated[str, typer.Option(help="name or folder of a world with the rack and the arm of the story")] = (
+        DEFAULTS.world
+    ),
+    speed: Annotated[str | None, typer.Option(help="ratio to real time, or max; default: 1, in lockstep max")] = None,
+    lockstep: Annotated[bool, typer.Option("--lockstep", help="as of `rackhand up`")] = DEFAULTS.lockstep,
+    seed: Annotated[int | None, typer.Option(min=0, help="as of `rackhand up`")] = DEFAULTS.seed,
+    viewer: Annotated[bool, typer.Option("--viewer/--no-viewer", help="serve the live view in Rerun")] = True,
+) -> None:
+    """Start a cell and play goods to arm in it: a rack is fetched, presented, picked from and taken back."""
+    from rackhand.services.launch.demo.play import play
+
+    given = speed or ("max" if lockstep else "1")
+    _speed(given)
+    options = [
+        "--speed",
+        given,
+        *(["--lockstep"] if lockstep else []),
+        *(["--seed", str(seed)] if seed is not None else []),
+    ]
+    raise typer.Exit(play(world, [*options, *(["--viewer-port", "0"] if viewer else ["--no-viewer"])]))
 
 
 @app.command(epilog=_examples("rackhand status", "rackhand status --url http://127.0.0.1:8091"))
@@ -260,10 +285,42 @@ def world(context: typer.Context) -> None:
 
     `rackhand world --help` shows the commands.
     """
-    command = [sys.executable, "-m", "rackhand.services.sim.world.commands", *context.args]
     bus = _known(DEFAULTS.state_dir, "bus")
     found = {"RACKHAND_BUS_CONNECT": bus} if bus is not None else {}
-    raise typer.Exit(subprocess.run(command, check=False, env=found | os.environ).returncode)
+    _run_module("rackhand.services.sim.world.commands", context.args, found | os.environ)
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+    epilog=_examples("rackhand scenario list", "rackhand scenario run rack_missing", "rackhand scenario run warehouse"),
+)
+def scenario(context: typer.Context) -> None:
+    """List, check and run scenarios: what goes wrong, when, and what must follow.
+
+    `rackhand scenario --help` shows the commands.
+    """
+    _run_module("rackhand.scenarios", context.args, os.environ)
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+    epilog=_examples(
+        "rackhand sweep rack_missing lidar_dead --seeds 100",
+        "rackhand sweep rack_slides_on_the_jack --set planner.control.max_forward_velocity=0.6,1.2",
+    ),
+)
+def sweep(context: typer.Context) -> None:
+    """Run scenarios with many seeds and settings, on all cores or on a Dask cluster.
+
+    `rackhand sweep --help` shows the options.
+    """
+    _run_module("rackhand.scenarios", ["sweep", *context.args], os.environ)
+
+
+def _run_module(module: str, arguments: Sequence[str], environment: Mapping[str, str]) -> NoReturn:
+    """Commands of a package that `rackhand` does not import."""
+    command = [sys.executable, "-m", module, *arguments]
+    raise typer.Exit(subprocess.run(command, check=False, env=environment).returncode)
 
 
 def _known(state_dir: Path, fact: str) -> str | None:

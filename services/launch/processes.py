@@ -208,7 +208,8 @@ def _planner_arguments(options: CellOptions, robot: str) -> tuple[str, ...]:
 
 def _controller_arguments(options: CellOptions, arm: str, kind: str) -> tuple[str, ...]:
     state = options.state_dir / arm
-    return ("--robot", arm, "--arm", kind, "--state-dir", str(state), "--rate", str(CONTROLLER_RATE))
+    place = ("--robot", arm, "--arm", kind, "--world", options.world)
+    return (*place, "--state-dir", str(state), "--rate", str(CONTROLLER_RATE))
 
 
 def _gateway_arguments(options: CellOptions, world: World) -> tuple[str, ...]:

@@ -14,11 +14,14 @@ from pydantic.fields import FieldInfo
 from rackhand.schemas import crf_requests as crf
 from rackhand.schemas import topics
 from rackhand.schemas.base import Message
+from rackhand.schemas.fail_causes import CAUSES
 from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.schemas.faults import FAULTS
 from rackhand.schemas.motion import RefusalDetail
 from rackhand.schemas.parameters import SETTINGS
 from rackhand.schemas.racks import RackSpec
 from rackhand.services.launch import access_control, asyncapi
+from rackhand.worlds.scenario_model import installed_scenarios, read_scenario
 
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
@@ -66,6 +69,62 @@ def fail_reason_table() -> Table:
     header: tuple[str, ...] = ("code", "`fail_reason_str` of REST", "name")
     rows: list[tuple[str, ...]] = [
         (str(int(reason)), f"`{reason.rest_string}`", reason.doc_name) for reason in MoveFailReason
+    ]
+    return header, rows
+
+
+def fail_matrix() -> Table:
+    """Header and rows of the reasons that a move can meet: cause, scenarios, and how each shows."""
+    scenarios = _scenarios_by_reason()
+    header: tuple[str, ...] = (
+        "code",
+        "name",
+        "cause",
+        "scenarios",
+        "`fail_reason_str` of `/planning_state`",
+        "of REST",
+    )
+    rows: list[tuple[str, ...]] = [
+        (
+            str(int(reason)),
+            reason.doc_name,
+            CAUSES[reason].text,
+            ", ".join(f"[{name}](../worlds/{world}/scenarios/{name}.yaml)" for name, world in scenarios[reason]) or "–",
+            f"`{reason.topic_string}`",
+            f"`{reason.rest_string}`",
+        )
+        for reason in MoveFailReason
+        if CAUSES[reason].met == "move"
+    ]
+    return header, rows
+
+
+def other_fail_reasons() -> Table:
+    """Header and rows of the reasons that no scenario provokes, most of which no move of this chassis meets."""
+    header: tuple[str, ...] = ("code", "name", "why")
+    rows: list[tuple[str, ...]] = [
+        (str(int(reason)), reason.doc_name, f"needs {cause.text}" if cause.met == "device" else cause.text)
+        for reason, cause in CAUSES.items()
+        if cause.met != "move" and reason is not MoveFailReason.NONE
+    ]
+    return header, rows
+
+
+def _scenarios_by_reason() -> dict[MoveFailReason, list[tuple[str, str]]]:
+    """Reason → name and world of each scenario that provokes it."""
+    found: dict[MoveFailReason, list[tuple[str, str]]] = {reason: [] for reason in MoveFailReason}
+    for path in installed_scenarios().values():
+        scenario = read_scenario(path)
+        found[scenario.expect.reason].append((scenario.name, scenario.world))
+    return found
+
+
+def fault_table() -> Table:
+    """Header and rows of the faults that the simulator can cause."""
+    header: tuple[str, ...] = ("fault", "of a", "what", "options")
+    rows: list[tuple[str, ...]] = [
+        (f"`{kind.name}`", kind.target, kind.text, ", ".join(f"`{option}`" for option in kind.options) or "–")
+        for kind in FAULTS.values()
     ]
     return header, rows
 
@@ -155,16 +214,25 @@ BLOCKS: dict[str, Callable[[], Table]] = {
     "queries": query_table,
     "websocket": websocket_table,
     "fail-reasons": fail_reason_table,
+    "fail-matrix": fail_matrix,
+    "fail-reasons-not-met": other_fail_reasons,
+    "faults": fault_table,
     "settings": settings_table,
     "rack-spec": rack_spec_table,
     "crf-requests": crf_request_table,
     "crf-refusals": refusal_table,
 }
+_INCLUDE = re.compile(r"(<!-- include: (?P<path>\S+) -->\n```[a-z]*\n).*?(```\n)", re.DOTALL)
 _BLOCK = re.compile(r"(<!-- generated: (?P<name>[a-z-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def refresh(text: str) -> str:
-    """A Markdown page with its generated blocks renewed. Raises ``KeyError`` for a block of an unknown name."""
+    """A Markdown page with its generated blocks and included files renewed.
+
+    Raises ``KeyError`` for a block of an unknown name and ``OSError`` for a file that is not there; paths are relative
+    to the working directory, which is that of ``make docs``.
+    """
+    text = _INCLUDE.sub(lambda block: f"{block[1]}{Path(block['path']).read_text(encoding='utf-8')}{block[3]}", text)
     return _BLOCK.sub(lambda block: f"{block[1]}{markdown(BLOCKS[block['name']]())}\n{block[3]}", text)
 
 

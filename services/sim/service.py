@@ -109,7 +109,7 @@ class SimService:
             reply = self._session.handle(request.message)
         except RequestRefused as refused:
             return request.refuse(refused.code, refused.text)
-        if order.op != "inspect":
+        if order.op not in ("inspect", "advance"):  # which come many times a second
             log.info(f"request: {order.op}", **order.model_dump(exclude={"op"}, exclude_defaults=True))
         if order.op in ("reset", "pause") and self._advancing is not None:
             self._advancing.refuse(RefusalCode.PRECONDITION, f"{order.op} came before the end of the advance")

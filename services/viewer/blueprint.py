@@ -29,6 +29,7 @@ CHASSIS_SHAPES = (
     *("rack/carried", "rack/floor", "rack/detected", "rack/legs", "rack/staging", "rack/points", "rack/seen"),
 )
 ARM_SHAPES = ("name", "path", "way_points", "trail", "frames/mount", "frames/tool", "frames/target")
+LIFT_SHAPES = ("cabin", "doors", "state")
 CHASSIS_PLOTS = {
     "Speed": ("speed/forward", "speed/forward_wanted", "speed/turning", "speed/turning_wanted"),
     "Battery and jack": ("charge/battery", "charge/jack"),
@@ -52,6 +53,7 @@ def shown(cast: RobotSet) -> Paths:
     return (
         *_of(cast.chassis, chassis if cast.chassis else ()),
         *_of(cast.arms, arm if cast.arms else ()),
+        *_of(cast.lifts, (*LIFT_SHAPES, LOG)),
         *(SCENE, FRAMES, *BUS_PLOTS.values(), BUS_LOG),
     )
 

@@ -15,6 +15,7 @@ from rackhand.services.viewer.bus_view import BusView
 from rackhand.services.viewer.chassis import ChassisView
 from rackhand.services.viewer.geometry import Bounds
 from rackhand.services.viewer.items import Item
+from rackhand.services.viewer.lift import LiftView
 from rackhand.services.viewer.world import WorldView
 
 V = TypeVar("V", bound="View")
@@ -69,6 +70,8 @@ draws(topics.MOTION_STATUS, ArmView, ArmView.status)
 draws(topics.MOTION_EVENT, ArmView, ArmView.event)
 draws(topics.MOTION_PATH, ArmView, ArmView.path)
 draws(topics.MOTION_DIAGNOSTICS, ArmView, ArmView.diagnostics)
+draws(topics.LIFT_MODEL, LiftView, LiftView.model)
+draws(topics.LIFT_STATE, LiftView, LiftView.state)
 draws(topics.BUS_STATS, BusView, BusView.stats)
 draws(topics.CLOCK, WorldView, WorldView.clock)
 draws(topics.OBJECTS, WorldView, WorldView.objects)
@@ -92,11 +95,12 @@ def newest_topics() -> dict[Topic[Any], int]:
 
 @dataclass(frozen=True)
 class RobotSet:
-    """The robots that are drawn, the base of each arm, and the lowest and highest corner of the building."""
+    """The robots that are drawn, the base of each arm, the lifts, and the lowest and highest corner of the building."""
 
     chassis: tuple[str, ...] = ()
     arms: tuple[str, ...] = ()
     mounts: tuple[ArmMount, ...] = ()
+    lifts: tuple[str, ...] = ()
     bounds: tuple[tuple[float, ...], ...] | None = None
 
 
@@ -123,6 +127,7 @@ class Picture:
             tuple(sorted(chassis)),
             tuple(sorted(arms)),
             tuple(view.mount for _, view in sorted(arms.items())),
+            tuple(sorted(self._of(LiftView))),
             _rounded(next((world.bounds for world in worlds), None)),
         )
 

@@ -10,7 +10,7 @@ import pytest
 
 from rackhand.bus import Bus, BusConfig, Inbox, Presence
 from rackhand.schemas.service import CELL, ServiceId
-from tests.ports import free_port
+from rackhand.testing.ports import free_port
 
 
 @pytest.fixture(scope="module")

@@ -32,9 +32,9 @@ from rackhand.schemas.moves import (
     PlanningState,
 )
 from rackhand.schemas.service import WORLD, ServiceId
+from rackhand.testing.ports import free_port
 from tests.bus.conftest import wait_for
 from tests.bus.peer import ME
-from tests.ports import free_port
 
 Start = Callable[[str], subprocess.Popen[bytes]]
 

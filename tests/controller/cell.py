@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,8 +29,8 @@ from rackhand.services.controller.motion.meter import Stopwatch, no_stopwatch
 from rackhand.services.controller.warm_up import Inline
 
 PERIOD_NS = 4_000_000
-UR5E = ik.load_arm("ur5e")
-FR3 = ik.load_arm("fr3")
+# Without their solids: they may go through themselves. ``tests.controller.station`` has arms that may not.
+UR5E, FR3 = (replace(ik.load_arm(kind), solids=()) for kind in ("ur5e", "fr3"))
 INERTIA = 1.0  # kg m², of every joint
 
 

@@ -12,10 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.cell import Cell
+from rackhand.testing import Cell
 
 ROOT = Path(__file__).parents[2]
-MARK = re.compile(r"^<!-- ci: (?P<what>[^;>]+?)(?:; expect: (?P<expect>.+?))? -->$")
+MARK = re.compile(r"^<!-- (?:ci|include): (?P<what>[^;>]+?)(?:; expect: (?P<expect>.+?))? -->$")
+
+RUN_BY = {"sh": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}  # other languages only show data
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ PAGES = [block for page in sorted((ROOT / "docs").glob("*.md")) for block in blo
 
 def test_every_block_is_marked() -> None:
     assert len(README) >= 2
-    for block in README + [block for block in PAGES if block.language]:
+    for block in README + [block for block in PAGES if block.language in RUN_BY]:
         assert block.what, f"nobody runs this block:\n{block.text}"
 
 
@@ -86,6 +88,8 @@ class MakeRun(Cell):
     def command(self) -> list[str]:
         return [
             "make",
+            "--directory",
+            str(ROOT),
             "run",
             "ARGS=" + " ".join(["--port 0 --bus-port 0 --viewer-port 0 --speed max --state-dir", str(self.state_dir)]),
         ]
@@ -100,9 +104,8 @@ class MakeRun(Cell):
 def run_block(language: str, text: str, bus: str) -> str:
     """The output of a block. Fails with it if the exit status is not 0."""
     environment = {**os.environ, "RACKHAND_BUS_CONNECT": bus}
-    commands = {"sh": ["bash", "-euo", "pipefail", "-c", text], "python": [sys.executable, "-c", text]}
     result = subprocess.run(
-        commands[language], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=False
+        [*RUN_BY[language], text], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=False
     )
     assert result.returncode == 0, f"{text}\n\n{result.stdout}{result.stderr}"
     return result.stdout

@@ -20,6 +20,7 @@ from rackhand.schemas.chassis import (
     Odometry,
     Scan,
 )
+from rackhand.schemas.lift import LiftFloor, LiftModel, LiftState
 from rackhand.schemas.maps import CurrentMap, MapData
 from rackhand.schemas.moves import PlannedPath, PlanningState
 from rackhand.schemas.racks import (
@@ -147,6 +148,16 @@ def rack_states(state: Any = "occupied", stamp: int = SECOND) -> RackStates:
 def seen_racks(*poses: Pose2) -> SeenRacks:
     racks = tuple(SeenRack(stamp=0, pose=pose, spec=RACK) for pose in poses)
     return SeenRacks(stamp=0, racks=racks)
+
+
+def lift(floor: str = "floor1", **fields: Any) -> LiftState:
+    return LiftState(**{"stamp": 0, "floor": floor, "door": "open", "opening": 1.0, "holder": "fleet"} | fields)
+
+
+def lift_model() -> LiftModel:
+    """Two floors, 20 m apart; the door is at +x."""
+    floors = [LiftFloor(name=f"floor{n}", map=f"hall{n}", pose=Pose2(x=20.0 * n, y=1.0, yaw=0.0)) for n in (1, 2)]
+    return LiftModel(floors=tuple(floors), depth=2.3, width=2.6, door_width=1.4, door_at=1.2)
 
 
 def costmap(columns: int = 3) -> Costmap:

@@ -20,6 +20,7 @@ from rackhand.services.gateway.settings import Settings
 from rackhand.services.gateway.ws import payloads
 from rackhand.services.gateway.ws.facts import Facts
 from rackhand.services.launch.reference import topic_table, websocket_table
+from tests.gateway import messages
 from tests.gateway.harness import new_app
 
 
@@ -63,6 +64,24 @@ def one_more_row(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(payloads, "PAYLOADS", payloads.PAYLOADS.copy())
 
 
+def test_lifts_are_shown_to_the_clients_of_every_chassis() -> None:
+    async def test() -> None:
+        fleet, inbox = Fleet(("amr1", "amr2"), lambda _: 0.0, Services()), FakeInbox()
+        fleet.subscribe(cast(Inbox, inbox))
+        for name in ("lift_2", "lift_1"):
+            inbox.handlers["lift/state", "*"](name, messages.lift(holder=name))
+        for hub in fleet.hubs.values():
+            shown = hub.state.payload("/lift_states")
+            assert shown is not None
+            assert [(row["name"], row["holder"]) for row in shown.model_dump()["lifts"]] == [
+                ("lift_1", "lift_1"),
+                ("lift_2", "lift_2"),
+            ]
+        fleet.close()
+
+    asyncio.run(asyncio.wait_for(test(), 20))
+
+
 def test_without_a_payload_function_the_gateway_does_not_start(one_more_row: None) -> None:
     with pytest.raises(LookupError, match="/toy"):
         new_app()
@@ -94,7 +113,8 @@ def test_a_row_is_subscribed_served_paced_and_documented(monkeypatch: pytest.Mon
 def test_the_gateway_subscribes_to_what_the_table_says_and_nothing_else() -> None:
     fleet, inbox = Fleet(("amr1",), lambda _: 0.0, Services()), FakeInbox()
     fleet.subscribe(cast(Inbox, inbox))
-    read = {topic.name for topic in TOPICS if "gateway" in topic.readers and topic.owner in ("chassis", "world")}
+    owners = ("chassis", "lift", "world")
+    read = {topic.name for topic in TOPICS if "gateway" in topic.readers and topic.owner in owners}
     assert {name for name, _ in inbox.handlers} == read
     nobody = FakeInbox()
     Fleet((), lambda _: 0.0, Services()).subscribe(cast(Inbox, nobody))

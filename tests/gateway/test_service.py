@@ -20,10 +20,10 @@ from rackhand.schemas import topics
 from rackhand.schemas.moves import Move, MoveReply
 from rackhand.schemas.service import CELL, ServiceId
 from rackhand.services.gateway.__main__ import app
+from rackhand.testing.ports import free_port
 from tests.gateway import messages
 from tests.gateway.fake_bus import NOW
 from tests.gateway.harness import PATIENCE, Socket
-from tests.ports import free_port
 
 GATEWAY = ServiceId("gateway", CELL)
 

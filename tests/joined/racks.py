@@ -15,9 +15,9 @@ from rackhand.schemas.moves import Move
 from rackhand.schemas.racks import RackSpec
 from rackhand.schemas.world import MoveRobot
 from rackhand.services.planner.load import Load, LoadState
+from rackhand.testing import distance, turn
 from rackhand.worlds.world_model import Rack, World, load_world
 from tests.joined.chassis import JoinedChassis, Json
-from tests.system.judge import distance, turn
 
 SPECS = {"standard": RackSpec(width=0.83, depth=0.83), "large": RackSpec(width=0.9, depth=1.2, leg_size=0.04)}
 Cause = Callable[[JoinedChassis], Move]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import groupby
 from pathlib import Path
 
 import pytest
+import yaml
 
 from benchmarks.align import charger_point, hall_with_charger
 from rackhand.schemas import topics
@@ -15,11 +17,14 @@ from rackhand.schemas.chassis import SetEmergencyStop
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.moves import Move
 from rackhand.schemas.world import InjectFault, MoveRobot
+from rackhand.services.gateway.ws import payloads
+from rackhand.services.gateway.ws.facts import Facts
 from rackhand.services.planner.load import LoadState
+from rackhand.worlds.data import WORLDS_PATH, known_files
 from tests.joined.chassis import JoinedChassis
 from tests.joined.racks import Cause, check_failure, with_jack_up
 from tests.joined.world import JoinedWorld
-from tests.system.judge import standard
+from tests.system.driving import standard
 
 X = -3.0  # of the docked pose, whose y and yaw are 0
 CHARGE = {"type": "charge"}
@@ -99,6 +104,54 @@ def test_the_next_move_first_leaves_the_charger_and_charging_again_comes_back(dr
     assert driver.core._motion.load.state is LoadState.FREE
     assert driver.drive(CHARGE).state == "succeeded" and is_charging(driver)
     assert driver.world.inspect().contact_count == 0
+
+
+def quick_profile(folder: Path) -> str:
+    """The longjack with its contacts at the front, and a battery that a whole cycle takes seconds of; its name."""
+    profile = yaml.safe_load(known_files("chassis/*.yaml")["longjack"].read_text())
+    profile |= {"name": "quick", "charge_contact": "front"}
+    profile["battery"]["capacity"] = 0.8
+    (folder / "chassis").mkdir()
+    (folder / "chassis" / "quick.yaml").write_text(yaml.safe_dump(profile))
+    return "quick"
+
+
+def test_a_whole_cycle_on_contacts_at_the_front(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 20 % on it empties while it stands and drives, is charged until it is full, and leaves backward."""
+    monkeypatch.setenv(WORLDS_PATH, str(tmp_path))
+    empty = hall_with_charger()
+    robots = {"amr1": empty.robots["amr1"].model_copy(update={"battery": 0.2})}
+    hall, profile = empty.model_copy(update={"robots": robots}), quick_profile(tmp_path)
+    with JoinedWorld(hall, tmp_path, seed=4, profile=profile, with_arms=False) as world:
+        driver = begin(world, (X + 1.4, 0.1, 2.9), charger_point("c", X + 0.06, -0.08, 3.0))
+        supply: list[tuple[str, float]] = []
+
+        def sample(done: Callable[[], bool]) -> bool | None:
+            battery = driver.core._state.battery
+            if battery is not None and (shown := payloads.battery_state(Facts({topics.BATTERY: battery}))):
+                supply.append((shown.power_supply_status, shown.percentage))
+            return done() or None
+
+        move = driver.post(CHARGE)
+        world.wait_for(lambda: sample(lambda: driver.move(move).state != "moving"), "it charges", 60.0, step=0.5)
+        ended = driver.move(move)
+        assert (ended.state, ended.is_charging) == ("succeeded", True) and off(driver) < 0.01, ended
+        assert abs(abs(world.true_pose(driver.name).yaw) - math.pi) < 0.02, "its front is at the dock"
+        world.wait_for(lambda: sample(lambda: supply[-1][0] == "full"), "it is full", 60.0, step=0.5)
+        assert [status for status, _ in groupby(status for status, _ in supply)] == ["discharging", "charging", "full"]
+        levels = [level for status, level in supply if status == "charging"]
+        assert levels == sorted(levels) and levels[0] < 0.2
+        codes = [[alert.code for alert in m.alerts] for t, m in driver.published if t is topics.CHASSIS_STATUS]
+        assert [code for code, _ in groupby(codes)][-3:] == [[8501], [8003], []]
+
+        assert driver.drive(CHARGE).fail_reason == Reason.ALREADY_IN_CHARGING
+        leaving = driver.post(standard(X + 2.0, 0.0))
+        world.advance(1.5)
+        pose = world.true_pose(driver.name)
+        assert pose.x > X + 0.1 and abs(abs(pose.yaw) - math.pi) < 0.05, "backward"
+        assert driver.finish(leaving).state == "succeeded"
+        world.wait_for(lambda: sample(lambda: supply[-1][1] < 0.95), "it empties", 10.0)
+        assert supply[-1][0] == "discharging" and world.inspect().contact_count == 0
 
 
 def test_along_a_route(driver: JoinedChassis) -> None:

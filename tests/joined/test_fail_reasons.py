@@ -16,8 +16,7 @@ from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.world import InjectFault, Place
 from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
-from tests.system.driving import no_go, square, wall
-from tests.system.judge import standard
+from tests.system.driving import no_go, square, standard, wall
 
 ROBOT = "amr1"
 

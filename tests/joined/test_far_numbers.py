@@ -11,9 +11,10 @@ import pytest
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.world import MoveRobot
+from rackhand.testing import distance, turn
 from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
-from tests.system.judge import distance, standard, turn
+from tests.system.driving import standard
 
 
 @pytest.fixture

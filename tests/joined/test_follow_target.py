@@ -12,7 +12,7 @@ from rackhand.schemas.moves import PauseMove
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.settings import NavigationSettings
 from tests.joined.chassis import JoinedChassis
-from tests.system.judge import standard
+from tests.system.driving import standard
 
 ROBOT = "amr1"
 WANTED = NavigationSettings().follow_distance
@@ -66,6 +66,18 @@ def test_what_ends_following(driver: JoinedChassis, stage: str, end: str) -> Non
     assert driver.stays_still()
     with pytest.raises(RequestRefused, match="no follow_target move is running"):
         driver.ask(FollowTarget(state="follow_pose", position=TARGET))
+    assert driver.world.inspect().contact_count == 0
+
+
+def test_a_planner_that_is_killed_while_it_follows_comes_back_standing(driver: JoinedChassis) -> None:
+    move = begin(driver, "driving")
+    driver.restart()
+    with pytest.raises(RequestRefused, match="no follow_target move is running"):
+        driver.ask(FollowTarget(state="follow_pose", position=TARGET))
+    driver.world.advance(1.0)
+    assert driver.stays_still() and driver.planning_state.move_state == "failed"
+    assert driver.move(move).fail_reason == MoveFailReason.PLATFORM_ALERT_ERROR
+    begin(driver, "at the distance")
     assert driver.world.inspect().contact_count == 0
 
 

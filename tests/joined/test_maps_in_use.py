@@ -15,9 +15,10 @@ from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import GetMap, PatchMap, SelectMap
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.map import check, grid
+from rackhand.testing import distance
 from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
-from tests.system.judge import distance, standard
+from tests.system.driving import standard
 
 
 @pytest.fixture

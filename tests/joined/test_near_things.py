@@ -11,11 +11,11 @@ import pytest
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.world import MoveRobot, Place, Remove
+from rackhand.testing import distance
 from tests.joined.chassis import JoinedChassis
 from tests.joined.places import write_place
 from tests.joined.world import JoinedWorld
-from tests.system.driving import no_go, square
-from tests.system.judge import distance, standard
+from tests.system.driving import no_go, square, standard
 
 HALL = (-10.5, -6.5, 10.5, 6.5)
 

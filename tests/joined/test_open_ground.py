@@ -9,9 +9,10 @@ import pytest
 
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.world import InjectFault
+from rackhand.testing import distance
 from tests.joined.places import write_place
 from tests.joined.world import JoinedWorld
-from tests.system.judge import distance, standard
+from tests.system.driving import standard
 
 PILLARS = {
     "pillar_a": {"kind": "cylinder", "centre": [10, 3], "radius": 0.5, "height": 1.5},

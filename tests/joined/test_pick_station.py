@@ -12,8 +12,8 @@ import pytest
 from rackhand.schemas import planar
 from rackhand.services.controller import ik
 from rackhand.services.sim.chassis.noise import NoiseSettings
-from rackhand.services.sim.mjcf.arm_model import GRIPPER_LENGTH
 from rackhand.services.sim.simulation import Simulation
+from rackhand.worlds.arm_model import GRIPPER_LENGTH
 from rackhand.worlds.world_model import World, load_world
 
 POINT = (16.6, 12.2, math.pi / 2)
@@ -43,7 +43,7 @@ def with_rack_at_p3(rack: str, off: tuple[float, float, float]) -> World:
 
 
 @pytest.mark.parametrize("off", [(0.0, 0.0, 0.0), (0.03, 0.03, 0.0175), (-0.03, -0.03, -0.0175)])
-@pytest.mark.parametrize(("rack", "items"), [("rack_s1", ("jar_1", "jar_2")), ("rack_p3", ("tin_1", "tin_2"))])
+@pytest.mark.parametrize(("rack", "items"), [("rack_s4", ("jar_1", "jar_2", "jar_3")), ("rack_p3", ("tin_1", "tin_2"))])
 def test_the_arm_reaches_what_a_rack_presents_at_p3(
     rack: str, items: tuple[str, ...], off: tuple[float, float, float]
 ) -> None:

@@ -17,7 +17,7 @@ from rackhand.services.planner.load import LoadState
 from tests.joined.chassis import JoinedChassis
 from tests.joined.racks import hall_with_racks, lift, lower, put_under, rack_point
 from tests.joined.world import JoinedWorld
-from tests.system.judge import standard
+from tests.system.driving import standard
 
 HEADING = 0.5  # rad of the rack
 GOAL = standard(-2.0, 1.5, 1.0)

@@ -23,11 +23,11 @@ from rackhand.services.sim.chassis.noise import NoiseSettings
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.session import Run, Session
 from rackhand.services.sim.simulation import Output, Simulation
+from rackhand.testing import planar
 from rackhand.worlds.chassis_model import load_profiles
 from rackhand.worlds.world_model import World, load_world
 from tests.joined.arm import JoinedArm
 from tests.joined.chassis import JoinedChassis
-from tests.system.judge import planar
 
 CHASSIS_TIMESTEP = 0.002
 UNIX_NS = 1_700_000_000 * NANOSECONDS

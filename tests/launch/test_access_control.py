@@ -15,8 +15,8 @@ from rackhand.schemas import topics
 from rackhand.schemas.service import ServiceId
 from rackhand.schemas.topics import QUERIES, TOPICS
 from rackhand.services.launch.access_control import PROCESSES, section
+from rackhand.testing.ports import free_port
 from tests.gateway import messages
-from tests.ports import free_port
 
 SECTION = section()
 

@@ -96,6 +96,7 @@ def test_real_frames_fit_their_schemas_and_others_do_not() -> None:
             topics.MAP_RACK_STATES: messages.rack_states(), topics.SEEN_RACKS: messages.seen_racks(),
         }
     )  # fmt: skip
+    facts.lifts["lift_1"] = messages.lift()
     for view in websocket_topics():
         value = PAYLOADS[view.TOPIC](facts)
         assert value is not None

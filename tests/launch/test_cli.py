@@ -38,7 +38,7 @@ def up(tmp_path: Path) -> list[str]:
 
 def test_help_names_every_command() -> None:
     shown = cli.invoke(app, ["--help"]).output
-    for command in ("up", "prepare", "status", "world", "topics", "motion", "record", "view"):
+    for command in ("up", "prepare", "status", "world", "scenario", "sweep", "topics", "motion", "record", "view"):
         assert f"\n  {command} " in shown
 
 
@@ -94,7 +94,8 @@ def test_the_world_says_who_acts(tmp_path: Path) -> None:
     table = {process.name: process for process in cell_processes(CellOptions(world=str(tmp_path)), {})}
     assert list(table) == ["router", "sim", "planner-amr1", "planner-amr2", "controller", "gateway", "viewer"]
     controller = " ".join(table["controller"].argv)
-    assert controller.endswith("rackhand.services.controller --robot arm1 --arm fr3 --state-dir var/arm1 --rate 250")
+    own = f"--robot arm1 --arm fr3 --world {tmp_path} --state-dir var/arm1 --rate 250"
+    assert controller.endswith(f"rackhand.services.controller {own}")
     sim, gateway = " ".join(table["sim"].argv), " ".join(table["gateway"].argv)
     for participant in ("amr1/planner", "amr2/planner", "arm1/controller"):
         assert f"--wait-for {participant}" in sim and f"--expect {participant}" in gateway

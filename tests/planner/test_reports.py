@@ -33,6 +33,16 @@ def test_a_move_has_a_target_or_an_intent_target(kind: str) -> None:
         assert (state.action_type, state.map_uid, state.remaining_distance, state.stamp) == (kind, "hall", 2.5, 7)
 
 
+def test_in_elevator_is_where_the_chassis_is_whatever_the_move_and_a_notice_is_the_message() -> None:
+    waits = Status(flags=frozenset({"is_waiting_for_dest"}), notice="the lift's door is closed")
+    state = planning_state(0, HALL, move("enter_elevator"), None, waits, 2.0, in_lift=True)
+    assert (state.flags, state.message) == (("in_elevator", "is_waiting_for_dest"), "the lift's door is closed")
+    ended = move("standard", state="succeeded")
+    assert planning_state(0, HALL, ended, None, Status(), 0.0, in_lift=True).flags == ("in_elevator",)
+    assert planning_state(0, HALL, ended, None, Status(), 0.0).flags == ()
+    assert planning_state(0, HALL, None, None, Status(), 0.0, in_lift=True).flags == ()
+
+
 def test_before_any_move() -> None:
     state = planning_state(7, HALL, None, None, Status(), 0.0)
     assert (state.action_id, state.action_type, state.move_state, state.target) == (0, "none", "none", None)

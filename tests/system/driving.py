@@ -1,54 +1,22 @@
-"""A client of the Move API as tests need one: post, follow, select maps."""
+"""Driving in system tests: bodies of moves, map features, and waiting for what the simulator says."""
 
 from __future__ import annotations
 
-import base64
-import copy
-import json
 from collections.abc import Callable
 from typing import Any
 
-import httpx
-
-from rackhand.schemas.moves import TERMINAL
 from rackhand.schemas.world import WorldReply
-from tests.system.cell import Cell
-from tests.system.judge import Judge
+from rackhand.testing import Cell, Chassis, Judge
 
 Json = dict[str, Any]
 
 
-class Driver:
-    """Posts moves over HTTP and follows them; time is the judge's simulation time, so load changes nothing."""
+class Driver(Chassis):
+    """A client of the chassis with a judge of its own."""
 
     def __init__(self, cell: Cell, judge: Judge) -> None:
-        self.cell = cell
+        super().__init__(cell)
         self.judge = judge
-        self._http = httpx.Client(base_url=cell.http, timeout=30.0)
-
-    def close(self) -> None:
-        self._http.close()
-
-    def request(self, method: str, path: str, body: Any = None, status: int | None = None) -> Any:
-        """The answer's JSON; asserts the status when one is named, else only that it is a success."""
-        answer = self._http.request(method, path, json=body)
-        told = f"{method} {path} -> {answer.status_code} {answer.text[:300]}"
-        assert answer.status_code == status if status else answer.is_success, told
-        return answer.json() if answer.content else None
-
-    def post(self, body: Json) -> int:
-        return int(self.request("POST", "/chassis/moves", body, 201)["id"])
-
-    def move(self, move_id: int) -> Json:
-        return dict(self.request("GET", f"/chassis/moves/{move_id}"))
-
-    def finish(self, move_id: int, within: float = 240.0) -> Json:
-        """Wait until that move has ended; within so many seconds of simulation time."""
-        begun = self.judge.now()
-        return self.cell.wait_for(lambda: self._ended(move_id, begun, within), f"move {move_id} ends", 600.0)
-
-    def drive(self, body: Json, within: float = 240.0) -> Json:
-        return self.finish(self.post(body), within)
 
     def wait(self, holds: Callable[[WorldReply], bool], what: str) -> WorldReply:
         """Poll the world until something holds in it."""
@@ -75,42 +43,11 @@ class Driver:
 
         self.cell.wait_for(left, "the chassis moves", 120.0)
 
-    # -- maps --------------------------------------------------------------------------------------------------------
 
-    def overlay(self, *features: Json) -> None:
-        """Use the geometry of the map the cell came with, with these overlay features only."""
-        stored = self._base_map()
-        png = self._http.get(f"/maps/{stored['id']}.png").content
-        self.use_map(png, stored["grid_origin_x"], stored["grid_origin_y"], stored["grid_resolution"], *features)
-
-    def use_map(self, png: bytes, origin_x: float, origin_y: float, resolution: float, *features: Json) -> None:
-        """Use a map given whole."""
-        body = {
-            "map_name": "of a test",
-            "occupancy_grid": base64.b64encode(png).decode(),
-            "carto_map": "",
-            "grid_resolution": resolution,
-            "grid_origin_x": origin_x,
-            "grid_origin_y": origin_y,
-            "overlays": json.dumps({"type": "FeatureCollection", "features": copy.deepcopy(features)}),
-        }
-        self.request("POST", "/chassis/current-map", body)
-
-    def use_stored_map(self) -> None:
-        """Back to the map the cell came with."""
-        self.request("POST", "/chassis/current-map", {"map_id": self._base_map()["id"]})
-
-    def _base_map(self) -> Json:
-        stored = min(self.request("GET", "/maps/"), key=lambda row: row["id"])
-        return dict(self.request("GET", f"/maps/{stored['id']}"))
-
-    def _ended(self, move_id: int, begun: float, within: float) -> Json | None:
-        move = self.move(move_id)
-        if move["state"] in TERMINAL:
-            return move
-        elapsed = self.judge.now() - begun
-        assert elapsed < within, f"move {move_id} still {move['state']} after {elapsed:.0f} s: {move}"
-        return None
+def standard(x: float | None = None, y: float | None = None, ori: float | None = None, **more: Any) -> Json:
+    """The body of a standard move."""
+    target = {"target_x": x, "target_y": y, "target_ori": ori}
+    return {"creator": "test", "type": "standard"} | {k: v for k, v in target.items() if v is not None} | more
 
 
 def wall(*points: tuple[float, float]) -> Json:

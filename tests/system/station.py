@@ -14,13 +14,12 @@ from rackhand.schemas import topics
 from rackhand.schemas.motion import ArmCommand, ArmState, CrfCall
 from rackhand.schemas.service import CELL, ServiceId
 from rackhand.schemas.world import Reset
+from rackhand.testing import Cell, Judge
 from tests.joined.checks import OK, Array
-from tests.system.cell import ROOT, Cell
-from tests.system.judge import Judge
+from tests.system.cell import ROOT
 
 CONTROLLER = "arm1/controller"
 PERIOD_NS = 4_000_000  # of its commands, and so of the published states
-LOCKSTEP = ("--lockstep", "--speed", "max")
 
 
 class Station:
@@ -140,7 +139,7 @@ class Station:
 def pick_station(
     folder: Path,
     kind: str = "ur5e",
-    options: tuple[str, ...] = LOCKSTEP,
+    lockstep: bool = True,
     environment: dict[str, str] | None = None,
 ) -> Iterator[Station]:
     """The pick station with one arm or the other, paused."""
@@ -148,8 +147,10 @@ def pick_station(
     shutil.copytree(ROOT / "worlds" / "pick_station", world)
     text = (world / "world.yaml").read_text()
     (world / "world.yaml").write_text(text.replace("kind: ur5e", f"kind: {kind}"))
-    given = ("--world", str(world), "--crf-port", "0", *options)
-    with Cell(folder / "cell", *given, environment=environment) as cell, Judge(cell.bus) as judge:
+    with (
+        Cell(folder / "cell", world=world, lockstep=lockstep, environment=environment) as cell,
+        Judge(cell.bus) as judge,
+    ):
         judge.pause()
         station = Station(cell, judge)
         try:

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 import yaml
 
-from tests.system.cell import ROOT, Cell
+from rackhand.testing import Cell, Judge
+from tests.system.cell import ROOT
 from tests.system.driving import Driver
-from tests.system.judge import Judge
 
 ARM = "/motion/arm1/command"
 WORLD = yaml.safe_load((ROOT / "worlds" / "warehouse" / "world.yaml").read_text())
@@ -72,7 +72,7 @@ DOWN = {"Matrix": {"Row1": [0, 1, 0], "Row2": [1, 0, 0], "Row3": [0, 0, -1]}}
 
 @pytest.fixture
 def picker(make_cell: Callable[..., Cell]) -> Iterator[Picker]:
-    cell = make_cell("--lockstep", "--speed", "max")
+    cell = make_cell()
     with Judge(cell.bus) as judge:
         judge.pause()
         picker = Picker(cell, judge)

@@ -18,9 +18,11 @@ from rackhand.bus import Bus, Sample
 from rackhand.schemas import topics
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.service import CELL, ServiceId
-from tests.system.cell import ROOT, START, Cell, environment
+from rackhand.services.launch.background import START, environment
+from rackhand.testing import Cell
+from tests.system.cell import ROOT
 
-EXAMPLE = ROOT / "examples" / "01_hardware_driver.py"
+EXAMPLE = ROOT / "examples" / "09_hardware_driver.py"
 Json = dict[str, Any]
 
 
@@ -91,7 +93,7 @@ class Robot:
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
-    cell = Cell(tmp_path_factory.mktemp("cell"), "--world", "empty", "--no-sim", "--robot", "amr1")
+    cell = Cell(tmp_path_factory.mktemp("cell"), "--no-sim", "--robot", "amr1", world="empty", lockstep=False)
     cell.start()
     try:
         robot = Robot(cell)

@@ -227,7 +227,7 @@ def test_in_a_flood_the_arm_moves_to_the_bit_as_without_and_a_stop_acts_within_t
 def test_running_free_a_stop_passes_a_flood(tmp_path: Path) -> None:
     """How many ticks come late with and without a flood depends on the machine: it is printed, and asserted is only
     that the loop lives and a stop ends the motion."""
-    with pick_station(tmp_path, options=("--speed", "1")) as station:
+    with pick_station(tmp_path, lockstep=False) as station:
         station.judge.resume()
         heard = station.bus.inbox().subscribe(topics.ARM_COMMAND, "arm1", depth=10_000)
         calm = late_ticks(heard, 4.0)

@@ -9,15 +9,14 @@ import pytest
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.world import Reset
-from tests.system.cell import Cell
-from tests.system.driving import Driver
-from tests.system.judge import Judge, distance, standard
+from rackhand.testing import Cell, Judge, distance
+from tests.system.driving import Driver, standard
 
 
 @pytest.fixture(scope="module")
 def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
     """Real time, as on a robot: what is killed leaves the others running, and comes back for the next test."""
-    with Cell(tmp_path_factory.mktemp("cell"), "--speed", "1") as cell, Judge(cell.bus) as judge:
+    with Cell(tmp_path_factory.mktemp("cell"), lockstep=False) as cell, Judge(cell.bus) as judge:
         driver = Driver(cell, judge)
         yield driver
         driver.close()

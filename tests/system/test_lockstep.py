@@ -10,9 +10,8 @@ from pathlib import Path
 
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.world import Pause, Place, Reset
-from tests.system.cell import Cell, without_arms
-from tests.system.driving import Driver
-from tests.system.judge import Judge, standard
+from rackhand.testing import Cell, Judge, without_arms
+from tests.system.driving import Driver, standard
 
 MakeCell = Callable[..., Cell]
 SECONDS = 20.0
@@ -58,17 +57,17 @@ def spin() -> None:
 
 
 def test_two_runs_of_one_seed_are_the_same_also_on_a_busy_machine(make_cell: MakeCell, tmp_path: Path) -> None:
-    options = ("--world", without_arms(tmp_path), "--lockstep", "--speed", "max", "--seed", "3")
-    one = make_cell(*options)
+    world = without_arms(tmp_path)
+    one = make_cell(world=world, seed=3)
     first, state = drive(one, seed=3)
     again, _ = drive(one, seed=3)
     assert state == "succeeded"
     assert again == first, "the same cell, begun anew"
     with busy_machine():
-        elsewhere, _ = drive(make_cell(*options), seed=3)
+        elsewhere, _ = drive(make_cell(world=world, seed=3), seed=3)
     assert elsewhere == first, "another cell, on a busy machine"
 
 
 def test_another_seed_is_another_run(make_cell: MakeCell, tmp_path: Path) -> None:
-    cell = make_cell("--world", without_arms(tmp_path), "--lockstep", "--speed", "max")
+    cell = make_cell(world=without_arms(tmp_path))
     assert drive(cell, seed=1)[0] != drive(cell, seed=2)[0]

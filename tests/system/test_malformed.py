@@ -23,9 +23,8 @@ from rackhand.schemas import topics
 from rackhand.schemas.service import CELL, WORLD, ServiceId
 from rackhand.schemas.topics import QUERIES, TOPICS
 from rackhand.services.planner.jacking import REACHED
-from tests.system.cell import Cell
-from tests.system.driving import Driver
-from tests.system.judge import Judge, standard
+from rackhand.testing import Cell, Judge
+from tests.system.driving import Driver, standard
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -65,6 +64,11 @@ bounded = settings(
     phases=[Phase.generate],
     suppress_health_check=list(HealthCheck),
 )
+
+
+@pytest.fixture(scope="module")
+def cell(real_time_cell: Cell) -> Cell:
+    return real_time_cell
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
+from rackhand.testing import Cell
 from tests.gateway.browser import browser, wait_until
-from tests.system.cell import Cell
 
 PATIENCE = 60_000  # ms; bounds on hanging, nothing is measured by them
 NEAR = (5.2, 3.0)  # in the aisle below the shelves, not far from where the robot starts
@@ -65,7 +65,7 @@ class Watched:
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
     """In real time nearly, so that a move can be watched, and cancelled while it runs."""
-    with Cell(tmp_path_factory.mktemp("cell"), "--world", "warehouse", "--speed", "2") as cell:
+    with Cell(tmp_path_factory.mktemp("cell"), lockstep=False, speed=2) as cell:
         yield cell
 
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from rackhand.schemas.fail_reasons import MoveFailReason
+from rackhand.testing import Cell, Judge, distance, turn, without_arms
 from tests.system.api_client import ApiClient
-from tests.system.cell import Cell, without_arms
-from tests.system.judge import Judge, distance, turn
 
 MakeCell = Callable[..., Cell]
 FROM, TO = (7.8, 9.4), (5.8, 9.4)  # rack points s8, which has a rack, and s7, which has none
@@ -41,7 +40,7 @@ def set_down_and_leave(client: ApiClient, judge: Judge) -> None:
 
 
 def test_a_rack_job_from_point_to_point_in_lockstep(make_cell: MakeCell, tmp_path: Path) -> None:
-    cell = make_cell("--world", without_arms(tmp_path), "--lockstep", "--speed", "max", "--seed", "5")
+    cell = make_cell(world=without_arms(tmp_path), seed=5)
     with Judge(cell.bus) as judge, ApiClient(cell.http) as client:
         align(client)
         client.jack("up")
@@ -64,7 +63,7 @@ def test_a_job_is_resumed_after_the_planner_was_killed_while_carrying(make_cell:
 
     In lockstep too the world goes on without the planner; no test of timing, so a busy machine does not matter.
     """
-    cell = make_cell("--world", without_arms(tmp_path), "--lockstep", "--speed", "max", "--seed", "7")
+    cell = make_cell(world=without_arms(tmp_path), seed=7)
     with Judge(cell.bus) as judge, ApiClient(cell.http) as client:
         align(client)
         client.service("jack_up")

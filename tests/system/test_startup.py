@@ -13,9 +13,10 @@ import httpx
 import pytest
 
 from rackhand.runtime.priority import SLICE_NS
+from rackhand.testing import Cell
 from tests.launch.conftest import alive, gone
 from tests.scheduling import IN_REAL_TIME, grants_real_time, heeded, slice_and_nice
-from tests.system.cell import ROOT, Cell
+from tests.system.cell import ROOT
 
 SERVICES = {
     "router": "cell/router",
@@ -30,6 +31,11 @@ MakeCell = Callable[..., Cell]
 def rackhand(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "rackhand.services.launch", *arguments]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+
+
+@pytest.fixture(scope="module")
+def cell(real_time_cell: Cell) -> Cell:
+    return real_time_cell
 
 
 def test_every_service_is_up_and_reported(cell: Cell) -> None:
@@ -106,7 +112,7 @@ def test_a_killed_service_comes_back(cell: Cell, service: str) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_ends_cleanly_on_a_signal(make_cell: MakeCell, number: signal.Signals) -> None:
-    cell = make_cell()
+    cell = make_cell(lockstep=False)
     pids = [cell.pid(service) for service in SERVICES]
     cell.supervisor.send_signal(number)
     assert cell.supervisor.wait(30) == 0
@@ -118,7 +124,7 @@ def test_ends_cleanly_on_a_signal(make_cell: MakeCell, number: signal.Signals) -
 
 
 def test_nothing_outlives_a_killed_supervisor(make_cell: MakeCell) -> None:
-    cell = make_cell()
+    cell = make_cell(lockstep=False)
     pids = [cell.pid(service) for service in SERVICES]
     cell.supervisor.kill()
     cell.supervisor.wait()
@@ -126,8 +132,8 @@ def test_nothing_outlives_a_killed_supervisor(make_cell: MakeCell) -> None:
 
 
 def test_starts_again_on_what_a_killed_cell_left(tmp_path: Path) -> None:
-    with Cell(tmp_path) as first:
+    with Cell(tmp_path, lockstep=False) as first:
         first.supervisor.kill()
         first.supervisor.wait()
-    with Cell(tmp_path) as second:
+    with Cell(tmp_path, lockstep=False) as second:
         assert second.health() is not None

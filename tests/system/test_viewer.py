@@ -20,9 +20,9 @@ from rackhand.schemas.service import CELL, ServiceId
 from rackhand.schemas.world import Objects
 from rackhand.services.viewer.blueprint import shown
 from rackhand.services.viewer.picture import RobotSet
-from tests.system.cell import ROOT, Cell
-from tests.system.driving import Driver
-from tests.system.judge import Judge, standard
+from rackhand.testing import Cell, Judge
+from tests.system.cell import ROOT
+from tests.system.driving import Driver, standard
 from tests.viewer import native, reading
 from tests.viewer.native import PATIENCE
 
@@ -93,8 +93,7 @@ def scene_missing_from(found: set[str]) -> list[str]:
 def test_the_recording_of_a_lockstep_run_is_what_was(tmp_path: Path) -> None:
     """All that the layout looks at is there, and every pose in it is the simulator's of that instant."""
     file = tmp_path / "run.rrd"
-    options = ("--lockstep", "--speed", "max")
-    with Cell(tmp_path, *options) as cell, Judge(cell.bus) as judge:
+    with Cell(tmp_path) as cell, Judge(cell.bus) as judge:
         judge.pause()
         driver = Driver(cell, judge)
         with Bus(ServiceId("witness", CELL), cell.bus_config()) as bus:
@@ -143,7 +142,7 @@ def test_a_late_viewer_sees_the_whole_scene(tmp_path: Path) -> None:
     """Also when the server has forgotten all that an early reader saw."""
     native.need_lavapipe()
     forgetful = {"RACKHAND_VIEWER_MEMORY": f"{MEMORY}B"}
-    with Cell(tmp_path, viewer=True, environment=forgetful) as cell, Judge(cell.bus) as judge:
+    with Cell(tmp_path, lockstep=False, viewer=True, environment=forgetful) as cell, Judge(cell.bus) as judge:
         driver = Driver(cell, judge)
         wait_until_joined(driver)
         work(driver)
@@ -177,7 +176,7 @@ def told(cell: Cell, judge: Judge, file: Path) -> set[str]:
 
 
 def test_a_killed_viewer_disturbs_nothing_and_comes_back(tmp_path: Path) -> None:
-    with Cell(tmp_path, "--speed", "1", viewer=True) as cell, Judge(cell.bus) as judge:
+    with Cell(tmp_path, lockstep=False, viewer=True) as cell, Judge(cell.bus) as judge:
         driver = Driver(cell, judge)
         wait_until_joined(driver)
         others = {name: cell.pid(name) for name in ("router", "sim", "planner", "controller", "gateway")}
@@ -195,7 +194,7 @@ def test_a_killed_viewer_disturbs_nothing_and_comes_back(tmp_path: Path) -> None
 
 
 def test_what_is_served_is_for_this_machine_only(tmp_path: Path) -> None:
-    with Cell(tmp_path, "--speed", "1", viewer=True) as cell:
+    with Cell(tmp_path, lockstep=False, viewer=True) as cell:
         wait_until_served(cell)
         ports = {int(urlsplit(url).port or 0) for url in (cell.viewer, cell.viewer_stream)}
         for port in ports:

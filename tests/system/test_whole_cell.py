@@ -9,9 +9,8 @@ import numpy as np
 
 from rackhand.schemas.world import Pause, Reset
 from rackhand.services.controller.ik import load_arm
-from tests.system.cell import Cell
-from tests.system.driving import Driver
-from tests.system.judge import Judge, distance, standard
+from rackhand.testing import Cell, Judge, distance
+from tests.system.driving import Driver, standard
 
 HOME = load_arm("ur5e").home
 GOAL = HOME + 0.25
@@ -47,7 +46,7 @@ def arm_status(driver: Driver) -> dict[str, Any]:
 
 
 def test_a_move_and_an_arm_path_at_the_same_time_twice_the_same(make_cell: Callable[..., Cell]) -> None:
-    cell = make_cell("--lockstep", "--speed", "max")
+    cell = make_cell()
     digest, move, joints, touched = run(cell)
     assert move["state"] == "succeeded", move
     np.testing.assert_allclose(joints, GOAL, atol=1e-4)

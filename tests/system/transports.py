@@ -14,7 +14,7 @@ from websockets.sync.client import connect
 from rackhand.bus import Sample
 from rackhand.schemas import topics
 from rackhand.schemas.motion import CrfCall, SessionGone
-from tests.crf_client import CrfClient
+from rackhand.services.launch.demo.crf import CrfClient
 from tests.system.station import Station
 
 PATIENCE = 60.0  # seconds; only ever bounds a failure

@@ -20,7 +20,7 @@ from rerun.experimental import ViewerClient, ViewReport
 
 from rackhand.services.viewer.items import Drawing
 from rackhand.services.viewer.recording import Recording
-from tests.ports import free_port
+from rackhand.testing.ports import free_port
 
 DRIVER = Path("/usr/share/vulkan/icd.d/lvp_icd.x86_64.json")
 RERUN = str(Path(rerun_cli.__file__).with_name("rerun"))

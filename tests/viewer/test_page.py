@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from rackhand.services.viewer.page import Page, address_for, policy
-from tests.ports import free_port
+from rackhand.testing.ports import free_port
 
 DATA_PORT = 9876
 

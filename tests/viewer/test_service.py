@@ -150,6 +150,8 @@ def test_a_real_robot_is_drawn_without_a_world(bench: Bench) -> None:
     bench.tell(topics.DETECTED_RACK, "amr1", messages.detected_rack())
     bench.tell(topics.MAP_RACK_STATES, "amr1", messages.rack_states())
     bench.tell(topics.SEEN_RACKS, "amr1", messages.seen_racks())
+    bench.tell(topics.LIFT_MODEL, "lift_1", messages.lift_model())
+    bench.tell(topics.LIFT_STATE, "lift_1", messages.lift())
     bench.tell(topics.ARM_MODEL, "arm1", ArmModel(kind="ur5e", position=(3.0, 1.0, 0.6), orientation=UPRIGHT))
     way = np.array([[0.4, 0.0, 0.5], [0.4, 0.1, 0.5]], dtype=np.float32)
     for i in range(40):
@@ -166,6 +168,7 @@ def test_a_real_robot_is_drawn_without_a_world(bench: Bench) -> None:
     found = reading.entities(bench.file(1))
     assert {"amr1/footprint", "amr1/scan", "amr1/trail", "amr1/speed/forward"} <= found
     assert {"amr1/outline", "amr1/rack/carried", "amr1/rack/legs", "amr1/rack/staging", "amr1/rack/points"} <= found
+    assert {"lift_1/cabin", "lift_1/doors", "lift_1/state"} <= found
     assert {"arm1/path", "arm1/way_points", "arm1/joints/velocity", "arm1/error/linear", "arm1/frames/tool"} <= found
     poses = reading.newest(bench.file(1))
     assert poses["arm1:mount"][0] == pytest.approx((3.0, 1.0, 0.6))

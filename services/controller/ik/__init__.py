@@ -42,23 +42,30 @@ test holds them equal to OSQP), and OSQP when rows bind. Read in this order:
     pose           a pose by search, with restarts
     objectives     joint limits, a posture, manipulability, distance to a sphere
     collision      spheres as rows, and the guard that a clear stop exists
+    solids         the links' shapes, the tool, and what surrounds the arm
+    clearance      their distances: of a posture, along a path, and how fast they may get smaller
     rowqp          the QP with rows, by OSQP's low-level object
 """
 
 from rackhand.services.controller.ik.arm import Arm, ArmError, ArmLimits, Sphere, build_arm, from_mujoco, load_arm
+from rackhand.services.controller.ik.clearance import Clearance, Conflict
 from rackhand.services.controller.ik.collision import Zone
 from rackhand.services.controller.ik.objectives import ObjectiveError, Objectives
 from rackhand.services.controller.ik.pose import PoseSolution, solve_pose
 from rackhand.services.controller.ik.servo import DifferentialIk, Solver, SolverSettings, Step, forward, velocity_box
+from rackhand.services.controller.ik.solids import Solid, in_station
 
 __all__ = [
     "Arm",
     "ArmError",
     "ArmLimits",
+    "Clearance",
+    "Conflict",
     "DifferentialIk",
     "ObjectiveError",
     "Objectives",
     "PoseSolution",
+    "Solid",
     "Solver",
     "SolverSettings",
     "Sphere",
@@ -67,6 +74,7 @@ __all__ = [
     "build_arm",
     "forward",
     "from_mujoco",
+    "in_station",
     "load_arm",
     "solve_pose",
     "velocity_box",

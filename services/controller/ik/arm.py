@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from rackhand.services.controller.ik.solids import Solid, link_solids
 from rackhand.worlds.arm_model import ArmDescription, LinkSphere, arm_mjcf, load_arm_description
 from rackhand.worlds.data import WorldFileError
 
@@ -56,7 +57,7 @@ class Arm:
 
     ``model`` is pinocchio's (for dynamics), its universe is the base frame. ``placements`` (n+1, 3, 4) is the same
     kinematics as the kernels read it: pose of each joint in the one before, turned so that every axis is z, and of
-    the tool in the last.
+    the tool in the last. ``solids`` are its parts, ``surroundings`` what they must not touch (``in_station``).
     """
 
     name: str
@@ -67,6 +68,8 @@ class Arm:
     home: Array
     spheres: tuple[Sphere, ...]
     self_collision: tuple[tuple[int, int], ...]
+    solids: tuple[Solid, ...] = ()
+    surroundings: tuple[Solid, ...] = ()
 
     @property
     def n(self) -> int:
@@ -119,7 +122,8 @@ def build_arm(name: str, compiled: mujoco.MjModel, description: ArmDescription, 
     spheres = tuple(_sphere(model, turns, prefix, sphere, name) for sphere in description.spheres)
     index = {sphere.name: i for i, sphere in enumerate(spheres)}
     pairs = tuple((index[a], index[b]) for a, b in description.self_collision)
-    return Arm(name, model, placements, tuple(model.names)[1:], limits, home, spheres, pairs)
+    solids = link_solids(model, compiled, prefix)
+    return Arm(name, model, placements, tuple(model.names)[1:], limits, home, spheres, pairs, solids)
 
 
 def from_mujoco(compiled: mujoco.MjModel, base: str) -> pin.Model:

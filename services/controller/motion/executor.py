@@ -23,9 +23,10 @@ from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.motion.meter import Stopwatch, no_stopwatch
 from rackhand.services.controller.motion.metered_solver import MeteredSolver
 from rackhand.services.controller.motion.parameters import Tuning
+from rackhand.services.controller.motion.path_clearance import PathClearance
 from rackhand.services.controller.motion.profile import MotionProfile, hardware_limits, path_arm
 from rackhand.services.controller.motion.signal import SignalReference
-from rackhand.services.controller.motion.torque import joint_torques, must_brake
+from rackhand.services.controller.motion.torque import ahead, joint_torques, must_brake
 from rackhand.services.controller.motion.velocity import JointVelocity, TaskVelocity, VelocityFollower
 from rackhand.services.controller.trajectory.geometry import TaskPath
 from rackhand.services.controller.trajectory.queue import MotionQueue, QueuedMotion
@@ -35,6 +36,9 @@ CommandMode = Literal["position", "velocity", "torque"]
 
 AT_REST = 1e-6  # rad/s commanded
 STILL = 0.01  # rad/s measured
+# A tool that was held back catches up with where its velocity ended, until its joints are slow (rad/s), or for so long
+# (s).
+SLOW, LONGEST_ARRIVAL = 0.02, 0.5
 # rad: farther from where it is held, after a stop, the arm is held where it is instead.
 SETTLED_STOP, SETTLED_CONTACT = 0.01, 0.001
 _STOP = "stop"
@@ -49,14 +53,17 @@ class MotionExecutor:
         self.solver = MeteredSolver(ik.DifferentialIk(arm, period), stopwatch)
         self.tuning = Tuning(self.solver.ik)
         self.profile = MotionProfile.default(arm)
-        self.queue = MotionQueue(path_arm(arm, self.profile), arm.home)
+        self._check = PathClearance(arm)
+        self._clearance = ik.Clearance(arm)
+        self.queue = MotionQueue(path_arm(arm, self.profile, self._check), arm.home)
         self.time = 0.0
         self.codes: frozenset[CrfCode] = frozenset()
         self._active: SignalReference | None = None  # the reference that is followed; its values may be zero by now
         self._next: SignalReference | None = None  # the reference to follow once the arm is at rest
         self._ending: Literal["soft", "hard"] | None = None  # how a torque ends, at the next measurement
-        self._follower: VelocityFollower = JointVelocity(arm, period)
+        self._follower: VelocityFollower = JointVelocity(arm, self._clearance, period)
         self._by_solver = False
+        self._arriving = 0.0  # seconds since the reference ended
         self._settles: float | None = None  # after a stop, until the arm is at rest: how exactly it is held
         self._measured_v = np.zeros(arm.n)  # of the tick before, while a torque acts
         self.q, self.v, self.a = arm.home.copy(), np.zeros(arm.n), np.zeros(arm.n)
@@ -111,7 +118,7 @@ class MotionExecutor:
     def set_profile(self, profile: MotionProfile) -> None:
         """For paths appended from now on."""
         self.profile = profile.bounded(self.arm)
-        self.queue = replace(self.queue, arm=path_arm(self.arm, self.profile))
+        self.queue = replace(self.queue, arm=path_arm(self.arm, self.profile, self._check))
 
     def follow(self, reference: SignalReference) -> None:
         """A new velocity or torque: at once if one of its kind is followed, else when the arm has stopped softly."""
@@ -257,6 +264,10 @@ class MotionExecutor:
         codes.update(raised)
         self._integrate(velocity)
         if active.values.any() or np.abs(self._follower.ramped).max() > AT_REST:
+            self._arriving = 0.0
+            return
+        self._arriving += self.period
+        if np.abs(self.v).max() > SLOW and self._arriving < LONGEST_ARRIVAL:
             return
         if np.abs(self.v).max() <= AT_REST:
             # No stop: that would fade the ramp's last acceleration, and swing back by it.
@@ -278,10 +289,18 @@ class MotionExecutor:
         if ended is None and must_brake(self.arm, self.q, self.v, gained, self.period):
             codes.add(CrfCode.HardwareLimit)
             ended = "hard"
+        if ended is None and self._approaches(gained):
+            codes.add(CrfCode.WorkspaceViolation)
+            ended = "hard"
         if ended is None:
             return joint_torques(self.arm, self.kinematics, active, self.q)
         self._brake(ended == "hard")
         return None
+
+    def _approaches(self, gained: Array) -> bool:
+        """Whether a torque must end, or the arm could not stop before it touches itself or its station."""
+        q, v = ahead(self.q, self.v, gained, self.period)
+        return self._clearance.speed_share(q, v, self.period) < 1.0
 
     # -- transitions --------------------------------------------------------------------------------------------------
 
@@ -296,9 +315,9 @@ class MotionExecutor:
         self._active, self._next, self._settles = reference, None, None
         self._measured_v = self.v
         if reference.space == "joints":
-            self._follower = JointVelocity(self.arm, self.period)
+            self._follower = JointVelocity(self.arm, self._clearance, self.period)
         else:
-            self._follower = TaskVelocity(self.arm, self.kinematics, self.solver, self.period, self.q)
+            self._follower = TaskVelocity(self.arm, self.solver, self._clearance, self.period, self.q)
         self.queue = replace(self.queue, motions=(), rest=self.q, paused=False)
 
     def _rest(self) -> None:

@@ -11,7 +11,7 @@ from rackhand.schemas.motion import ConfiguredJointLimits, ConfiguredTaskLimits,
 from rackhand.services.controller import ik
 from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.trajectory import queue
-from rackhand.services.controller.trajectory.model import JointLimits, TaskLimits
+from rackhand.services.controller.trajectory.model import JointLimits, PathCheck, TaskLimits
 from rackhand.services.controller.trajectory.stream import PathLimits
 from rackhand.services.controller.trajectory.time_law import Smoothing
 from rackhand.services.controller.trajectory.timing import Planning
@@ -54,12 +54,13 @@ def hardware_limits(arm: ik.Arm) -> JointLimits:
     return JointLimits(limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk)
 
 
-def path_arm(arm: ik.Arm, profile: MotionProfile) -> queue.PathArm:
-    """What paths appended from now on are planned with: joint motion at the joint profile, task paths at both."""
+def path_arm(arm: ik.Arm, profile: MotionProfile, check: PathCheck | None = None) -> queue.PathArm:
+    """What paths appended from now on are planned with: joint motion at the joint profile, task paths at both; and
+    what else is asked about them."""
     joints = replace(hardware_limits(arm), velocity=profile.joint_velocity, acceleration=profile.joint_acceleration)
     task = TaskLimits(profile.task_velocity, profile.task_acceleration)
     planning = Planning(smoothing=Smoothing.for_limits(joints.acceleration, joints.jerk))
-    return queue.PathArm(ArmKinematics(arm), PathLimits(joints), PathLimits(joints, task), planning)
+    return queue.PathArm(ArmKinematics(arm), PathLimits(joints), PathLimits(joints, task), planning, check=check)
 
 
 def configuration(arm: ik.Arm, profile: MotionProfile, period_ns: int) -> RobotConfiguration:

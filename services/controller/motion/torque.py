@@ -14,10 +14,16 @@ LEAD = 3
 effect, and while the deceleration builds up."""
 
 
+def ahead(q: Array, v: Array, gained: Array, period: float) -> tuple[Array, Array]:
+    """Position and velocity, (n,) each, when a torque that is ended at the next tick has ended. ``gained`` (n,): the
+    velocity gained in the last ``period``."""
+    return q + LEAD * period * (v + 0.5 * LEAD * gained), v + LEAD * gained
+
+
 def must_brake(arm: ik.Arm, q: Array, v: Array, gained: Array, period: float) -> bool:
     """Whether going on from the measured ``q`` and ``v`` (n,) would break a limit of position or velocity, before a
     stop that begins at the next tick could keep it. ``gained`` (n,): the velocity gained in the last ``period``."""
-    q, v = q + LEAD * period * (v + 0.5 * LEAD * gained), v + LEAD * gained
+    q, v = ahead(q, v, gained, period)
     lower, upper = ik.velocity_box(arm, q, v, period)
     return bool((v > upper).any() or (v < lower).any())
 

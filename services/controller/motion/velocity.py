@@ -16,6 +16,8 @@ from rackhand.services.controller.motion.ramp import Ramp
 from rackhand.services.controller.trajectory.continuation import pose_error
 from rackhand.services.controller.trajectory.model import TcpPose
 
+_DAMPING = 1e-6  # of the pseudo-inverse that tells the joints' velocities
+_BLOCKED = (CrfCode.WorkspaceViolation,)
 _TASK_JERK_TIME = 0.05  # seconds in which a task velocity's acceleration may build up
 _MAX_TRACKING_LAG = np.array([2e-4] * 3 + [1e-3] * 3)
 """m, rad: how far a tool that cannot follow may stay behind its target."""
@@ -35,28 +37,32 @@ class VelocityFollower(Protocol):
 class JointVelocity:
     """``values`` (n,) in rad/s."""
 
-    def __init__(self, arm: ik.Arm, period: float) -> None:
-        self._arm, self._period = arm, period
+    def __init__(self, arm: ik.Arm, clearance: ik.Clearance, period: float) -> None:
+        self._arm, self._clearance, self._period = arm, clearance, period
         self._ramp = Ramp(arm.n)
         self.ramped = np.zeros(arm.n)
 
     def step(self, values: Array, q: Array, v: Array, profile: MotionProfile) -> tuple[Array, tuple[CrfCode, ...]]:
         acceleration = np.minimum(profile.joint_acceleration, self._arm.limits.acceleration)
-        self.ramped = self._ramp.step(values, acceleration, self._arm.limits.jerk, self._period)
+        wanted = self._ramp.step(values, acceleration, self._arm.limits.jerk, self._period)
+        share = self._clearance.speed_share(q, wanted, self._period)
+        self.ramped = self._ramp.slow(share)
         lower, upper = ik.velocity_box(self._arm, q, v, self._period)
         velocity = np.clip(self.ramped, lower, upper)
         self._ramp.cut(velocity)
-        return velocity, ()
+        return velocity, _BLOCKED if share < 1.0 else ()
 
 
 class TaskVelocity:
     """``values`` (6,): the tool's twist in base axes, m/s and rad/s.
 
-    A target moves with the ramped twist, scaled by ``DifferentialIk.twist_scale``, and the tool follows the target.
+    A target moves with the ramped twist, scaled by ``DifferentialIk.twist_scale`` and so that the arm stays clear of
+    itself and its station, and the tool follows the target.
     """
 
-    def __init__(self, arm: ik.Arm, kinematics: ArmKinematics, solver: MeteredSolver, period: float, q: Array) -> None:
-        self._kinematics, self._solver, self._period = kinematics, solver, period
+    def __init__(self, arm: ik.Arm, solver: MeteredSolver, clearance: ik.Clearance, period: float, q: Array) -> None:
+        self._kinematics, self._solver, self._period = ArmKinematics(arm), solver, period
+        self._clearance = clearance
         self._ramp = Ramp(6)
         self._target = ik.forward(arm, q)
         self.ramped = np.zeros(6)
@@ -65,10 +71,19 @@ class TaskVelocity:
         acceleration = profile.task_acceleration
         twist = self._ramp.step(values, acceleration, acceleration / _TASK_JERK_TIME, self._period)
         twist = self._ramp.slow(self._solver.ik.twist_scale(q, v, twist))
-        self.ramped = twist = self._ramp.slow(self._allowed_share(q, twist))
+        twist = self._ramp.slow(self._allowed_share(q, twist))
+        share = self._clearance.speed_share(q, self._joint_velocity(q, twist), self._period)
+        self.ramped = twist = self._ramp.slow(share)
         step = self._solver.step(q, v, self._target, twist, held=True)
         self._target = _advanced(self._target, twist * self._period)
-        return step.velocity, step.codes
+        return step.velocity, step.codes if share == 1.0 else tuple({*step.codes, *_BLOCKED})
+
+    def _joint_velocity(self, q: Array, twist: Array) -> Array:
+        """(n,) that moves the tool with ``twist``, slower at singularities."""
+        jacobian = self._kinematics.jacobian(q)
+        gram = jacobian @ jacobian.T
+        gram[np.diag_indices(6)] += _DAMPING
+        return np.asarray(jacobian.T @ np.linalg.solve(gram, twist))
 
     def _allowed_share(self, q: Array, twist: Array) -> float:
         """The share 0 … 1 of ``twist`` that the target may make: less the farther the tool is behind. At limits and

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from rackhand.schemas.arrays import Array
+
+if TYPE_CHECKING:
+    from rackhand.services.controller.trajectory.curve import JointCurve
 
 
 class PathRefused(ValueError):
@@ -54,6 +57,13 @@ class Kinematics(Protocol):
     def solve(self, pose: Placement, q_near: Array) -> Array | None:
         """Joint positions within the limits that reach ``pose``, those near ``q_near`` first; if there are none, those
         with the TCP nearest to it that were found, or None."""
+
+
+class PathCheck(Protocol):
+    """What else may speak against a curve."""
+
+    def conflict(self, curve: JointCurve, start: float) -> tuple[float, str] | None:
+        """The place s from ``start`` on where the ``curve`` is first not allowed, and why; None if there is none."""
 
 
 @dataclass(frozen=True)

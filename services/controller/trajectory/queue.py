@@ -24,7 +24,7 @@ from rackhand.services.controller.trajectory.geometry import (
     task_path,
 )
 from rackhand.services.controller.trajectory.joint_stop import JointStop, stop_joints
-from rackhand.services.controller.trajectory.model import Kinematics, PathRefused, Placement, TcpPose
+from rackhand.services.controller.trajectory.model import Kinematics, PathCheck, PathRefused, Placement, TcpPose
 from rackhand.services.controller.trajectory.simplify import Resolution, kept_joints, kept_poses
 from rackhand.services.controller.trajectory.splice import extend_joints, extend_task
 from rackhand.services.controller.trajectory.stream import Motion, PathLimits, Sample, start_joints, start_task
@@ -62,6 +62,7 @@ class PathArm:
     tolerance: Tolerance = field(default_factory=Tolerance)
     options: Continuation = field(default_factory=Continuation)
     resolution: Resolution = field(default_factory=Resolution)
+    check: PathCheck | None = None
 
 
 @dataclass(frozen=True)
@@ -176,20 +177,25 @@ class MotionQueue:
         return self if self.motions[-1].kind == kind else self.soft_stop(t)
 
     def _add_joints(self, t: float, kind: str, points: Sequence[Array]) -> MotionQueue:
-        distinct = [self._end()]
-        for point in points:
+        distinct, numbers = [self._end()], [-1]
+        for i, point in enumerate(points):
             if np.abs(point - distinct[-1]).max() > _DUPLICATE:
                 distinct.append(point)
+                numbers.append(i)
         if len(distinct) == 1:
             return self
-        every = np.array(distinct)
         arm, last = self.arm, self._open(kind, JointPath)
-        path = joint_path(every[kept_joints(every, arm.resolution)], arm.tolerance, last.curve.end if last else 0.0)
+        needed = kept_joints(np.array(distinct), arm.resolution)
+        path = joint_path(np.array(distinct)[needed], arm.tolerance, last.curve.end if last else 0.0)
         if last:
-            when = self._from(t)
-            return self._with_last(t, extend_joints(last, when, path, arm.tolerance, arm.joints, arm.kinematics))
-        begin = self._next(t)
-        return self._added(t, start_joints(begin, path, arm.joints, arm.planning, arm.kinematics), begin, kind)
+            motion = extend_joints(last, self._from(t), path, arm.tolerance, arm.joints, arm.kinematics)
+        else:
+            motion = start_joints(self._next(t), path, arm.joints, arm.planning, arm.kinematics)
+        try:
+            _require_clear(motion, path.legs.s, arm.check)
+        except PathRefused as refused:
+            raise PathRefused(numbers[needed[refused.point + 1]], refused.reason) from None
+        return self._with_last(t, motion) if last else self._added(t, motion, self._next(t), kind)
 
     def _add_task(self, t: float, poses: Sequence[TcpPose]) -> MotionQueue:
         arm, last = self.arm, self._open("task", TaskPath)
@@ -197,9 +203,11 @@ class MotionQueue:
         if last:
             when = self._from(t)
             longer = extend_task(last, when, path, arm.tolerance, arm.task, arm.kinematics, arm.options)
+            _require_clear(longer, path.legs.s, arm.check)
             return self._with_last(t, longer)
         begin = self._next(t)
         motion = start_task(begin, path, self._end(), arm.task, arm.planning, arm.kinematics, arm.options)
+        _require_clear(motion, path.legs.s, arm.check)
         return self._added(t, motion, begin, "task")
 
     def _solve(self, poses: Sequence[Placement]) -> list[Array]:
@@ -267,6 +275,21 @@ class MotionQueue:
         if self.paused and len(self.motions) == 1:
             last = _braked(last, t)
         return replace(self, motions=(*self._alive(t)[:-1], last))
+
+
+def _require_clear(motion: Motion, waypoints: Array, check: PathCheck | None) -> None:
+    """Raises ``PathRefused`` where ``motion`` may not be driven from the corner at ``waypoints``[0] on, (k,) values of
+    s, which the refusal counts from 0 for the one after it."""
+    if check is None:
+        return
+    legs = motion.path.legs
+    corner = int(np.argmin(np.abs(legs.s - waypoints[0])))
+    found = check.conflict(motion.curve, max(float(legs.s[corner] - legs.radius[corner]), motion.curve.start))
+    if found is not None:
+        s, why = found
+        unit = "m" if isinstance(motion.path, TaskPath) else "rad"
+        point = min(max(int(np.searchsorted(waypoints, s - 1e-9)), 1), waypoints.size - 1) - 1
+        raise PathRefused(point, f"{waypoints[point + 1] - s:.3f} {unit} before this point {why}")
 
 
 def _braked(queued: QueuedMotion, t: float) -> QueuedMotion:

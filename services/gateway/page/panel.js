@@ -32,6 +32,7 @@ export function showState(known) {
     show("battery", `${number(battery.percentage * 100, 0)} % · ${battery.power_supply_status}`);
     at("charge").value = battery.percentage;
   }
+  if (known.lifts) showLifts(known.lifts);
   if (alerts) fill("alerts", alerts.alerts.map(({ code, level, msg }) => row([`${code}: ${msg}`], level)));
 }
 
@@ -56,13 +57,22 @@ function showMove({ planning, longest, moves }) {
 
 // Why a move does not go on, or an empty text.
 function hindrance({ stuck_state, message }) {
-  return stuck_state === "none" ? (message ?? "") : (STUCK[stuck_state] ?? words(stuck_state));
+  return message || (stuck_state === "none" ? "" : (STUCK[stuck_state] ?? words(stuck_state)));
 }
 
 // "15 move timeout: blocked for 30 s" of a move's record, or of a planning state, which has no message.
 function reason({ fail_reason, fail_reason_str, fail_message }) {
   const name = words(fail_reason_str.replace("MoveFailReason::", "").split(" - ")[0]);
   return `${fail_reason} ${name}${fail_message ? `: ${fail_message}` : ""}`;
+}
+
+function showLifts({ lifts }) {
+  hide("lifts-card", !lifts.length);
+  fill("lifts", lifts.map((lift) => {
+    const { name, floor, target, moving, door, blocked, holder } = lift;
+    const where = moving ? `${floor} to ${target}` : `${floor} · door ${door}${blocked ? ", blocked" : ""}`;
+    return row([text(name), small(`${where} · ${holder ? `held by ${holder}` : "free"}`)]);
+  }));
 }
 
 function showWheels({ control_mode, emergency_stop_pressed: pressed }) {

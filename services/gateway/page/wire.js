@@ -5,6 +5,7 @@ export const TOPICS = {
   "/scan_matched_points2": "scan", "/robot_model": "model", "/motion_metrics": "motion", "/slam/state": "slam",
   "/battery_state": "battery", "/wheel_state": "wheels", "/jack_state": "jack", "/alerts": "alerts",
   "/load_state": "load", "/map_rack_states": "rackStates", "/detected_rack": "detected", "/seen_racks": "seenRacks",
+  "/lift_states": "lifts",
 };
 const RECONNECT = 1000; // ms
 const secret = new URLSearchParams(location.search).get("secret");

@@ -9,6 +9,7 @@ from typing import Any, TypeVar, cast
 from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS, Message, Pose2
 from rackhand.schemas.chassis import Odometry, Scan
+from rackhand.schemas.lift import LiftState
 from rackhand.schemas.scan_points import ScanPairing
 from rackhand.schemas.topics import Topic
 from rackhand.services.gateway.ws.files import Files
@@ -24,7 +25,7 @@ class Facts:
     """What is known of one robot.
 
     ``acceleration`` in m/s², over the last tenth of a second. ``matched``: the newest scan with the pose at which it
-    was taken. ``files``: what frames refer to by URL.
+    was taken. ``files``: what frames refer to by URL. ``lifts``: state of each lift of the cell by name.
     """
 
     def __init__(self, messages: Mapping[Topic[Any], Message] | None = None) -> None:
@@ -32,6 +33,7 @@ class Facts:
         self.acceleration = 0.0
         self.matched: tuple[Scan, Pose2] | None = None
         self.files = Files()
+        self.lifts: dict[str, LiftState] = {}
         self._speeds: deque[tuple[int, float]] = deque()
         self._pairing = ScanPairing()
         for topic, message in (messages or {}).items():

@@ -102,12 +102,13 @@ class ChargerDock:
         self._point = target_of(self._request, ctx.costmap.static.overlays, ctx.pose)
 
     def stays_docked(self, ctx: Context) -> bool:
-        """Off its contacts it docks anew; off those of a charger that gives no current, too."""
+        """Off its contacts it docks anew; off those of a charger that gives no current, too. Before the first report of
+        the battery, as after a restart, whether it charges is not known: it stays and asks again on the contacts."""
         try:
             self.begin(ctx)
         except MoveFailed:
             return ctx.load.state is LoadState.DOCKED
-        return False
+        return ctx.load.state is LoadState.DOCKED and ctx.state.battery is None
 
     def place(self, ctx: Context) -> Place:
         model = ctx.state.model

@@ -3,8 +3,8 @@
 The way out is the one the chassis came: back from under a rack, away from a charger. From under a rack it is the other
 way where that one is blocked. Where both are, it waits, and after ``move_timeout`` the move fails with 15.
 
-A rack that is lifted is taken along, so nothing is undocked then. A jack that is up without a load under a rack fails
-the move with 506: it would push the rack along.
+A rack that is lifted is taken along, so nothing is undocked then. A jack that stopped on its way with a rack on it, or
+that is up without a load under a rack, fails the move with 506: the move would drag or push the rack along.
 """
 
 from __future__ import annotations
@@ -52,11 +52,18 @@ class StaysDocked(Protocol):
 
 def undocking(ctx: Context, request: MoveCreate, behavior: Behavior) -> Undock | None:
     """What must happen before ``behavior`` begins; None for nothing. Raises ``MoveFailed`` (506)."""
-    if ctx.load.state not in OUT_OF or request.type in STAYS:
+    if request.type in STAYS:
+        return None
+    jack = ctx.state.jack
+    if ctx.load.state is LoadState.CARRYING and jack is not None and jack.progress < 1.0 - REACHED:
+        text = (
+            f"the jack is at {jack.progress:.0%} with a rack on it: call jack_up to carry it, or jack_down to leave it"
+        )
+        raise MoveFailed(Reason.JACK_IN_UP_STATE, text)
+    if ctx.load.state not in OUT_OF:
         return None
     if isinstance(behavior, StaysDocked) and behavior.stays_docked(ctx):
         return None
-    jack = ctx.state.jack
     if ctx.load.state is LoadState.UNDER_RACK and jack is not None and jack.progress > REACHED:
         text = f"the jack is at {jack.progress:.0%} under a rack that is not on it: call jack_down, then move"
         raise MoveFailed(Reason.JACK_IN_UP_STATE, text)

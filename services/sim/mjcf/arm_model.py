@@ -11,12 +11,12 @@ from typing import Any
 import mujoco
 
 from rackhand.services.sim.mjcf import layers
-from rackhand.worlds.arm_model import ArmDescription, arm_mjcf
+from rackhand.worlds.arm_model import GRIPPER_LENGTH, GRIPPER_RADIUS, ArmDescription, arm_mjcf
 from rackhand.worlds.world_model import ArmPlace
 
 TOOL, CUP, SUCTION, FORCE, TORQUE = "tool", "cup", "suction", "force", "torque"
-# The suction gripper: a cup on a short tube. It pulls with at most this force (N) on what it touches.
-GRIPPER_LENGTH, GRIPPER_RADIUS, GRIPPER_MASS, SUCTION_FORCE = 0.12, 0.025, 0.4, 60.0
+# The suction gripper's mass (kg). It pulls with at most this force (N) on what it touches.
+GRIPPER_MASS, SUCTION_FORCE = 0.4, 60.0
 # Cosine of how far a surface may lean and still seal the cup.
 SEALS = 0.9
 _GRIPPER_COLOUR = [0.15, 0.15, 0.17, 1]

@@ -13,10 +13,10 @@ from rackhand.schemas.planar import yaw_quaternion
 from rackhand.services.sim.mjcf import layers
 from rackhand.services.sim.mjcf.arm_model import add_arm
 from rackhand.services.sim.mjcf.chassis_model import add_chassis
-from rackhand.services.sim.mjcf.geometry import Shape, charger_shapes, static_shapes
 from rackhand.services.sim.mjcf.lift_model import add_lift
 from rackhand.worlds.arm_model import ArmDescription
 from rackhand.worlds.chassis_model import ChassisProfile
+from rackhand.worlds.solids import Shape, charger_shapes, static_shapes
 from rackhand.worlds.world_model import Item, Rack, RackKind, World
 
 # How many things of each kind can be placed at run time. Slots are compiled in, because recompiling would

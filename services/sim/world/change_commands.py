@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from rackhand.bus import Bus, BusConfig, CallTimeout, Presence, Refused, Unavailable
 from rackhand.schemas import topics
 from rackhand.schemas.codec import explain
-from rackhand.schemas.faults import FAULTS, FaultKind
+from rackhand.schemas.faults import FAULTS
 from rackhand.schemas.service import CELL, WORLD, ServiceId
 from rackhand.schemas.world import WorldReply, WorldRequest
 
@@ -149,16 +149,8 @@ def faults() -> None:
     Example: `rackhand world faults`
     """
     for kind in FAULTS.values():
-        typer.echo(f"{kind.name:<22} {kind.target:<9} {kind.text}{_options(kind)}")
-
-
-def _options(kind: FaultKind) -> str:
-    """What the fault takes beside its target."""
-    found = [f"--part 0 … {kind.parts - 1}"] if kind.parts else []
-    if (amount := kind.amount) is not None:
-        found.append(f"--amount {amount.least:g} … {amount.most:g} ({amount.text}; default {amount.default:g})")
-    found += [f"--{kind.pose} X Y YAW"] if kind.pose else []
-    return f" [{', '.join(found)}]" if found else ""
+        options = f" [{', '.join(kind.options)}]" if kind.options else ""
+        typer.echo(f"{kind.name:<22} {kind.target:<9} {kind.text}{options}")
 
 
 def inspect() -> None:

@@ -42,6 +42,9 @@ class ContactLog:
         self._rows: list[Contact] = []
         self._force = np.empty(6)
         self.count = 0
+        _any_of(
+            self._is_hull, np.empty((0, 2), np.int32)
+        )  # compiled here, so that the first contact does not wait for it
 
     @property
     def rows(self) -> tuple[Contact, ...]:

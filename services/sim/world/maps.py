@@ -13,7 +13,7 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image
 
-from rackhand.services.sim.mjcf.geometry import Shape, charger_shapes, static_shapes
+from rackhand.worlds.solids import Shape, charger_shapes, static_shapes
 from rackhand.worlds.world_model import MAIN_FLOOR, World
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254

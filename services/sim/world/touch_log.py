@@ -28,6 +28,8 @@ class TouchLog:
         self._first: Stamps = np.full((0, 0), NEVER, np.int64)
         self._last = self._first
         self._grow()
+        # Compiled here, so that the first contact does not wait for it.
+        _mark(self._first, self._last, self._part, np.empty((0, 2), np.int32), 0)
 
     def relabel(self, geom: int, label: str) -> None:
         """The geom belongs to another part from now on."""

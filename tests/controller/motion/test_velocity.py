@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from rackhand.services.controller import ik
-from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.motion.meter import no_stopwatch
 from rackhand.services.controller.motion.metered_solver import MeteredSolver
 from rackhand.services.controller.motion.profile import MotionProfile
@@ -29,7 +28,7 @@ def drive(follower: VelocityFollower, values: np.ndarray, seconds: float) -> tup
 
 def test_a_joint_velocity_is_reached_at_the_profiles_acceleration() -> None:
     values = np.array([0.4, -0.2, 0.0, 0.3, 0.0, 0.1])
-    follower = JointVelocity(UR5E, DT)
+    follower = JointVelocity(UR5E, ik.Clearance(UR5E), DT)
     _, v = drive(follower, values, 1.0)
     assert np.allclose(v[-1], values, atol=1e-9) and np.array_equal(follower.ramped, v[-1])
     acceleration = np.diff(v, axis=0) / DT
@@ -37,7 +36,7 @@ def test_a_joint_velocity_is_reached_at_the_profiles_acceleration() -> None:
 
 
 def test_a_joint_velocity_stops_at_the_end_of_the_range() -> None:
-    q, v = drive(JointVelocity(UR5E, DT), np.array([2.0, 0, 0, 0, 0, 0]), 6.0)
+    q, v = drive(JointVelocity(UR5E, ik.Clearance(UR5E), DT), np.array([2.0, 0, 0, 0, 0, 0]), 6.0)
     assert (q <= UR5E.limits.upper + 1e-9).all() and abs(v[-1, 0]) < 1e-2
     assert q[-1, 0] > UR5E.limits.upper[0] - 0.01
 
@@ -45,7 +44,7 @@ def test_a_joint_velocity_stops_at_the_end_of_the_range() -> None:
 def test_a_tool_velocity_keeps_the_tool_on_its_line() -> None:
     solver = MeteredSolver(ik.DifferentialIk(UR5E, DT), no_stopwatch)
     twist = np.array([0.0, 0.08, -0.04, 0.0, 0.0, 0.0])
-    follower = TaskVelocity(UR5E, ArmKinematics(UR5E), solver, DT, UR5E.home)
+    follower = TaskVelocity(UR5E, solver, ik.Clearance(UR5E), DT, UR5E.home)
     q, _ = drive(follower, twist, 1.0)
     start = ik.forward(UR5E, UR5E.home)
     tools = np.array([ik.forward(UR5E, each) for each in q])

@@ -75,6 +75,32 @@ def test_a_move_is_answered_201_with_the_whole_object_in_the_measured_order(gate
     }
 
 
+@pytest.mark.parametrize("kind", ["enter_elevator", "return_to_elevator_waiting_point", "leave_elevator"])
+def test_moves_of_lifts_have_the_same_form(gateway: Gateway, kind: str) -> None:
+    answer = post(gateway, **TARGET | {"type": kind})
+    assert (answer.status_code, list(answer.json())) == (201, FULL_KEYS)
+    assert {key: answer.json()[key] for key in TARGET} == TARGET | {"type": kind}
+    assert list(gateway.http.get("/chassis/moves").json()[0]) == SHORT_KEYS
+    assert gateway.bus.requests[0].move.type == kind
+
+
+@pytest.mark.parametrize(
+    ("reason", "name"),
+    [
+        (300, "elevator_point_occupied - 电梯点被占用"),
+        (301, "elevator_closed - 电梯门已关闭"),
+        (302, "elevator_point_obscured_timeout - 电梯点长时间被遮挡"),
+        (303, "elevator_point_occupancy_detection_timeout - 电梯点占用检测超时"),
+        (304, "elevator_enter_progress_update_timeout - 进入电梯长时间无进展"),
+    ],
+)
+def test_why_a_lift_was_not_entered_is_reported_in_the_words_of_rest(gateway: Gateway, reason: int, name: str) -> None:
+    post(gateway, **TARGET | {"type": "enter_elevator"})
+    gateway.bus.end(1, state="failed", fail_reason=reason, fail_message="why")
+    row = gateway.http.get("/chassis/moves/1").json()
+    assert (row["fail_reason"], row["fail_reason_str"], row["fail_message"]) == (reason, name, "why")
+
+
 def test_defaults_are_those_of_a_real_robot(gateway: Gateway) -> None:
     answer = post(gateway, action="move_to", target_ori=0.75, charge_retry_count=None, properties=None).json()
     assert (answer["creator"], answer["type"]) == ("control_unit", "none")

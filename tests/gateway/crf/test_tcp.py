@@ -21,7 +21,7 @@ from rackhand.services.gateway.__main__ import app
 from rackhand.services.gateway.crf.tcp import CrfPort, Wire
 from rackhand.services.gateway.crf.text import MAX_FRAME, MAX_TEXT
 from rackhand.services.gateway.settings import Settings
-from tests.crf_client import CrfClient
+from rackhand.services.launch.demo.crf import CrfClient
 from tests.gateway.crf.test_motion import VECTORS
 from tests.gateway.fake_arm import ArmCell
 

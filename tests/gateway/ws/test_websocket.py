@@ -77,6 +77,7 @@ STATE_TOPICS = {
     "/load_state": [(topics.POSE, messages.pose()), (topics.LOAD, messages.load())],
     "/map_rack_states": [(topics.MAP_RACK_STATES, messages.rack_states())],
     "/seen_racks": [(topics.SEEN_RACKS, messages.seen_racks(Pose2(x=1.0, y=2.0, yaw=0.0)))],
+    "/lift_states": [(topics.LIFT_STATE, messages.lift())],
     "/map_v2": [(topics.MAP, messages.current_map())],
     "/map/costmap_v2": [(topics.COSTMAP, messages.costmap())],
     "/scan_matched_points2": [(topics.SCAN, messages.scan()), (topics.POSE, messages.pose())],
@@ -103,6 +104,25 @@ CHANGED = {
         {"footprint": [[0.3, -0.2], [0.3, 0.4], [-0.3, 0.4], [-0.3, -0.2]]},
     ),
     "/seen_racks": (topics.SEEN_RACKS, messages.seen_racks(), {"racks": []}),
+    "/lift_states": (
+        topics.LIFT_STATE,
+        messages.lift("floor2", door="closing", opening=0.25, holder=None),
+        {
+            "lifts": [
+                {
+                    "name": "amr1",
+                    "floor": "floor2",
+                    "target": None,
+                    "moving": False,
+                    "door": "closing",
+                    "opening": 0.25,
+                    "blocked": False,
+                    "holder": None,
+                    "waiting": [],
+                }
+            ]
+        },
+    ),
     "/load_state": (topics.LOAD, messages.load("under_rack"), {"state": "under_rack"}),
     "/map_rack_states": (
         topics.MAP_RACK_STATES,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.perception.charger_dock import DockShape, describe_miss, find_dock
-from rackhand.services.sim.mjcf.geometry import charger_shapes
+from rackhand.worlds.solids import charger_shapes
 from rackhand.worlds.world_model import Charger
 from tests.planner.plant import box
 from tests.planner.racks import SENSOR, look

@@ -16,9 +16,8 @@ from rackhand.schemas.refusal import RequestRefused
 from rackhand.schemas.world import Place
 from rackhand.services.sim.arm.arm import Arm
 from rackhand.services.sim.arm.servo import BANDWIDTH
-from rackhand.services.sim.mjcf.arm_model import GRIPPER_LENGTH
 from rackhand.services.sim.simulation import Simulation
-from rackhand.worlds.arm_model import arm_mjcf, load_arm_descriptions
+from rackhand.worlds.arm_model import GRIPPER_LENGTH, arm_mjcf, load_arm_descriptions
 from rackhand.worlds.chassis_model import load_profiles
 from rackhand.worlds.data import WorldFileError
 from rackhand.worlds.world_model import ARM_INSTANT_NS, World, load_world

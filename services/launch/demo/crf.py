@@ -14,7 +14,7 @@ PATIENCE = 20.0  # seconds; only ever bounds a failure
 
 
 class CrfClient:
-    """Texts and objects out, answers in. ``packet`` is the last one received."""
+    """Texts and objects out, answers and events in. ``packet`` is the last one received."""
 
     def __init__(self, host: str, port: int, writer: int = 0) -> None:
         self.socket = socket.create_connection((host, port), timeout=PATIENCE)
@@ -32,6 +32,7 @@ class CrfClient:
         self.socket.close()
 
     def frame(self, value: Any) -> bytes:
+        """The packet of bytes, of a text, or of an object as JSON."""
         text = value if isinstance(value, bytes) else (value if isinstance(value, str) else json.dumps(value)).encode()
         return encode(Packet(text, writer=self.writer))
 
@@ -50,5 +51,6 @@ class CrfClient:
         return read
 
     def ask(self, value: Any) -> dict[str, Any]:
+        """Send, and return what comes next, which is the answer where no events are sent."""
         self.send(value)
         return self.receive()

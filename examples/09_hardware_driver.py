@@ -4,7 +4,7 @@ It uses nothing but the public contract (``rackhand.bus``, ``rackhand.schemas``)
 ``Wheels`` and your lidar in place of ``hall_scan``; a real robot also gets its pose from a localiser.
 
     rackhand up --world empty --no-sim &                  # router, planner, gateway: all but the robot
-    python examples/01_hardware_driver.py --robot amr1 &
+    python examples/09_hardware_driver.py --robot amr1 &
     curl -X POST http://127.0.0.1:8090/chassis/moves -H 'Content-Type: application/json' \\
          -d '{"creator": "me", "type": "standard", "target_x": 3, "target_y": 2, "target_ori": 0}'
 """

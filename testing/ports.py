@@ -1,4 +1,4 @@
-"""Loopback ports for a test's or a benchmark's own servers."""
+"""Loopback ports for a test's own servers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import socket
 
 
 def free_port() -> int:
-    """A port nobody listens on now."""
+    """A TCP port on which nothing listens now."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -1,0 +1,1 @@
+"""Scenarios: run what scenario files describe in cells, and judge it. See ``rackhand.worlds.scenario_model``."""

@@ -1,0 +1,5 @@
+"""``python -m rackhand.scenarios`` is ``rackhand scenario``."""
+
+from rackhand.scenarios.commands import main
+
+main()

@@ -1,0 +1,151 @@
+"""A lift in physics: a round trip, and fail reasons whose cause goes away again or is a matter of the map.
+
+One cell for all: each test begins with a chassis before the lift, whose doors are open at its floor unless it says
+otherwise.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.chassis import SetControlMode, SetEmergencyStop
+from rackhand.schemas.fail_reasons import MoveFailReason as Reason
+from rackhand.schemas.lift import CallLift, HoldDoor
+from rackhand.schemas.maps import GetMap
+from rackhand.schemas.planar import as_tuple
+from rackhand.schemas.world import InjectFault, MoveRobot, Place, Remove
+from rackhand.testing import distance
+from rackhand.worlds.world_model import load_world
+from tests.joined.lifts import CLIENT, LiftUser
+from tests.joined.world import JoinedWorld
+
+ROBOT, DOWN, UP = "amr1", "floor1", "floor2"
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[JoinedWorld]:
+    alone = load_world("warehouse").model_copy(update={"movers": {}})
+    with JoinedWorld(alone, tmp_path_factory.mktemp("lifts"), with_arms=False) as world:
+        yield world
+
+
+@pytest.fixture
+def user(cell: JoinedWorld) -> Iterator[LiftUser]:
+    """The chassis waits before the lift, which is open at its floor and stays so for 10 s. Nothing touches a door or
+    anything else in any test."""
+    user, before = LiftUser(cell.chassis()), cell.inspect().contact_count
+    user.driver.use_stored_map()
+    cell.ask(MoveRobot(robot=ROBOT, pose=user.waiting(DOWN)))
+    user.call(DOWN)
+    user.ask(HoldDoor(client=CLIENT))
+    cell.advance(0.6)
+    yield user
+    user.driver.ask(SetControlMode(control_mode="auto"))
+    user.driver.ask(SetEmergencyStop(enable=False))
+    assert cell.inspect().contact_count == before, cell.inspect().contacts
+
+
+@contextmanager
+def fault(user: LiftUser, name: str, target: str = "lift_1") -> Iterator[None]:
+    """That fault, for so long."""
+    user.world.ask(InjectFault(target=target, fault=name))
+    try:
+        yield
+    finally:
+        user.world.ask(InjectFault(target=target, fault=name, active=False))
+
+
+def away(user: LiftUser, x: float, y: float, _yaw: float = 0.0) -> float:
+    """Metres from the true place of the chassis."""
+    return distance(user.world.true_pose(ROBOT), x, y)
+
+
+def goes_back(user: LiftUser) -> None:
+    """After a failed move: to where the chassis waited, without a contact."""
+    move = user.finish(user.leave(DOWN, "return_to_elevator_waiting_point"))
+    assert move.state == "succeeded", move.fail_message
+    assert away(user, *as_tuple(user.waiting(DOWN))) < 0.05
+
+
+def flags(user: LiftUser) -> set[str]:
+    return set(user.driver.planning_state.flags)
+
+
+# -- a ride ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_round_trip(user: LiftUser) -> None:
+    """In, up, out after the change of the map, and the same back; the state says where the chassis is."""
+    seen: list[tuple[str, bool]] = []
+    for here, there in ((DOWN, UP), (UP, DOWN)):
+        user.call(here)
+        entered = user.finish(user.enter(here))
+        assert entered.state == "succeeded", entered.fail_message
+        assert away(user, *user.cabin(here)) < 0.05
+        seen.append((user.driver.planning_state.action_type, "in_elevator" in flags(user)))
+        user.ride(there)
+        user.world.advance(0.2)
+        assert user.driver.planning_state.map_uid != "" and "in_elevator" in flags(user)
+        left = user.finish(user.leave(there))
+        assert left.state == "succeeded", left.fail_message
+        assert away(user, *as_tuple(user.waiting(there))) < 0.05
+        seen.append((user.driver.planning_state.action_type, "in_elevator" in flags(user)))
+        user.release()
+    assert seen == [("enter_elevator", True), ("standard", False)] * 2
+
+
+# -- why it fails ------------------------------------------------------------------------------------------------------
+
+
+def test_300_a_person_in_the_cabin_and_again_when_it_has_left(user: LiftUser) -> None:
+    with fault(user, "lift_occupied"):
+        begun, move = user.world.now(), user.enter(DOWN)
+        user.world.advance(1.0)
+        assert "is_waiting_for_dest" in flags(user) and user.driver.stays_still()
+        failed = user.finish(move)
+        assert (failed.state, failed.fail_reason) == ("failed", Reason.ELEVATOR_POINT_OCCUPIED), failed.fail_message
+        assert 13.0 < user.world.now() - begun < 20.0, "3 s of stopping, then as far as there is room, then 10 s"
+        assert "is_waiting_for_dest" not in flags(user)
+        goes_back(user)
+    again = user.enter(DOWN)
+    assert user.finish(again).state == "succeeded", user.driver.move(again).fail_message
+
+
+def test_301_a_lift_that_someone_else_has_taken(user: LiftUser) -> None:
+    """Its door closes, the call waits for others; when they are done it comes."""
+    with fault(user, "lift_taken"):
+        user.wait_for(door="closed")
+        begun, move = user.world.now(), user.enter(DOWN)
+        assert user.ask(CallLift(client=CLIENT, floor=DOWN)).waiting == (CLIENT,)
+        user.world.advance(1.0)
+        assert "is_waiting_for_dest" in flags(user) and "door is closed" in user.driver.planning_state.message
+        failed = user.finish(move)
+        assert failed.fail_reason == Reason.ELEVATOR_CLOSED and user.world.now() - begun < 4.5, failed.fail_message
+    user.call(DOWN)
+    move = user.enter(DOWN)
+    assert user.finish(move).state == "succeeded", user.driver.move(move).fail_message
+
+
+def test_303_a_mapped_screen_before_the_place(user: LiftUser) -> None:
+    """What is behind a wall of the map is unknown, and nothing new hides it."""
+    data = user.driver.ask_maps(GetMap()).data
+    assert data is not None
+    grey = np.asarray(Image.open(io.BytesIO(data.png)).convert("L"))[::-1].copy()
+    x, y, size = *data.origin, data.resolution
+    grey[int((1.70 - y) / size) : int((1.82 - y) / size), int((18.2 - x) / size) : int((19.0 - x) / size)] = 0
+    drawn = io.BytesIO()
+    Image.fromarray(grey[::-1]).save(drawn, "PNG")
+    user.driver.use_map(drawn.getvalue(), x, y, size, *data.overlays["features"])
+    user.world.ask(Place(name="screen", pose=Pose2(x=18.6, y=1.76, yaw=0.0), size=(0.8, 0.1, 1.5)))
+    begun, move = user.world.now(), user.enter(DOWN, target_y=0.6)
+    failed = user.finish(move)
+    user.world.ask(Remove(name="screen"))
+    assert failed.fail_reason == Reason.ELEVATOR_POINT_OCCUPANCY_DETECTION_TIMEOUT, failed.fail_message
+    assert 10.0 < user.world.now() - begun < 12.0

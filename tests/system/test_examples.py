@@ -1,0 +1,88 @@
+"""The examples as their heads say to run them, one after the other on one cell in lockstep."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from rackhand.testing import Cell, distance
+from rackhand.testing.world import WorldControl
+from tests.system.cell import ROOT
+
+EXAMPLES = ROOT / "examples"
+# That one has a cell without a simulator to itself: tests/system/test_hardware_driver.py.
+ELSEWHERE = {"09_hardware_driver.py"}
+
+
+def run(name: str, *arguments: str) -> str:
+    """What an example prints. Fails with it unless the exit status is 0."""
+    started_by = {".py": [sys.executable], ".sh": ["bash"], ".ts": ["node"]}[(EXAMPLES / name).suffix]
+    command = [*started_by, str(EXAMPLES / name), *arguments]
+    result = subprocess.run(command, cwd=EXAMPLES, capture_output=True, text=True, timeout=300, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+def runs_typescript() -> bool:
+    """Node runs TypeScript as it is from 22.18 on."""
+    if shutil.which("node") is None:
+        return False
+    version = subprocess.run(["node", "--version"], capture_output=True, text=True, check=True).stdout
+    major, minor = map(int, version.strip().lstrip("v").split(".")[:2])
+    return (major, minor) >= (22, 18)
+
+
+def test_every_example_is_run_by_a_test() -> None:
+    tested = set(re.findall(r'run\(\s*"(\d\d_[^"]+)"', (ROOT / "tests/system/test_examples.py").read_text()))
+    assert {path.name for path in EXAMPLES.glob("[0-9]*")} == tested | ELSEWHERE
+
+
+def test_standard_move_in_python(cell: Cell) -> None:
+    assert "succeeded" in run("01_standard_move.py", cell.http, "3.5", "1.5")
+    assert distance(cell.true_pose("amr1"), 3.5, 1.5) < 0.06
+
+
+def test_standard_move_in_the_shell(cell: Cell) -> None:
+    run("02_standard_move.sh", cell.http, "3.5", "1.5")
+    assert distance(cell.true_pose("amr1"), 3.5, 1.5) < 0.06
+
+
+@pytest.mark.skipif(not runs_typescript(), reason="no Node of 22.18 or newer, which runs TypeScript as it is")
+def test_standard_move_in_typescript(cell: Cell) -> None:
+    assert "succeeded" in run("03_standard_move.ts", cell.http, "3.5", "1.5")
+    assert distance(cell.true_pose("amr1"), 3.5, 1.5) < 0.06
+
+
+def test_rack_job(cell: Cell, world: WorldControl) -> None:
+    printed = run("04_rack_job.py", cell.http)
+    assert printed.splitlines()[-1] == "standard: succeeded"
+    assert distance(world.true_pose("rack_s8"), 5.8, 9.4) < 0.03
+    assert world.contacts() == ()
+
+
+def test_arm_path(cell: Cell) -> None:
+    printed = run("06_arm_path.py", cell.http)
+    assert "joints [0.0, -1.57, 1.57, -1.57, -1.57, 0.0]" in printed.replace("-0.0,", "0.0,")
+    assert "given back: True" in printed
+
+
+def test_subscriber(cell: Cell) -> None:
+    poses = re.findall(r"x (\S+) m  y (\S+) m", run("07_subscriber.py", cell.bus))
+    assert len(poses) == 5
+    assert all((float(x), float(y)) == pytest.approx((2.5, 1.5), abs=0.05) for x, y in poses)
+
+
+def test_judge(cell: Cell) -> None:
+    printed = run("10_judge.py", cell.bus)
+    x, y, off = map(float, re.findall(r"-?[0-9]+\.[0-9]+", printed))
+    assert (x, y) == pytest.approx((2.5, 1.5), abs=0.01)
+    assert off < 50 and "contacts: []" in printed
+
+
+def test_fault_scenario() -> None:
+    failed, succeeded = run("11_fault_scenario.py").splitlines()
+    assert failed.startswith("failed: no usable scan") and succeeded.startswith("succeeded")
