@@ -109,12 +109,17 @@ class MapSummary(Message):
 
 
 class MapData(MapSummary):
-    """A whole map: 8-bit grey PNG (occupied dark, free light, unknown between), lower-left corner, metres a cell."""
+    """A whole map: 8-bit grey PNG (occupied dark, free light, unknown between), lower-left corner, metres a cell.
+
+    ``carto_map``: base64 of a file that belongs to the map for its makers; kept and given back, not read, and not part
+    of the map in use.
+    """
 
     png: bytes
     origin: Vec2
     resolution: Annotated[float, Field(gt=0)]
     overlays: Overlays = Field(default_factory=lambda: {"type": "FeatureCollection", "features": []})
+    carto_map: str = ""
 
 
 class CurrentMap(Message):
@@ -145,6 +150,7 @@ class CreateMap(Message):
     map_version: Version = 0
     overlays_version: Version = 0
     overlays: Overlays = Field(default_factory=lambda: {"type": "FeatureCollection", "features": []})
+    carto_map: str = ""
 
 
 class ReplaceMap(Message):
@@ -190,9 +196,17 @@ class UseMapData(Message):
     map: CreateMap
 
 
+class ChangeOverlays(Message):
+    """Put these overlays in place of those of the map in use, at once: a running move goes on. The stored map that it
+    is gets them too."""
+
+    op: Literal["overlays"] = "overlays"
+    overlays: Overlays
+
+
 class MapRequest(Message):
     request: Annotated[
-        ListMaps | GetMap | CreateMap | ReplaceMap | PatchMap | DeleteMap | SelectMap | UseMapData,
+        ListMaps | GetMap | CreateMap | ReplaceMap | PatchMap | DeleteMap | SelectMap | UseMapData | ChangeOverlays,
         Field(discriminator="op"),
     ]
 

@@ -114,12 +114,20 @@ class PauseMove(Message):
     paused: bool
 
 
+class ClearMoves(Message):
+    """Forget all moves that have ended. Ids are not used again."""
+
+    op: Literal["clear"] = "clear"
+
+
 class MoveRequest(Message):
-    request: Annotated[CreateMove | GetMove | ListMoves | CancelMove | PauseMove, Field(discriminator="op")]
+    request: Annotated[
+        CreateMove | GetMove | ListMoves | CancelMove | PauseMove | ClearMoves, Field(discriminator="op")
+    ]
 
 
 class MoveReply(Message):
-    """``moves`` holds the one move created, got, cancelled, paused or resumed, or the page of a list."""
+    """``moves`` holds the one move created, got, cancelled, paused or resumed, or a page of a list, or none."""
 
     moves: tuple[Move, ...] = Field(strict=False)
 

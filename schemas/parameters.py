@@ -73,7 +73,7 @@ SETTINGS = (
         "smooth_level",
         "control.acc_smoother.smooth_level",
         "Enum",
-        NO_EFFECT,
+        "higher: the chassis speeds up with 60 % of control.max_forward_acc; the others do not limit it",
         "/wheel_control/acc_smoother/smooth_level",
         options=("disabled", "lower", "normal", "higher"),
     ),
@@ -160,7 +160,7 @@ NAMES = {row.field: row.name for row in SETTINGS}
 class DriveParameters(Message):
     """Velocities in m/s and rad/s, accelerations in m/s²; those of driving backward and of braking are negative.
 
-    ``smooth_level``, ``auto_hold`` and the two of bumps are kept for clients and have no effect on this chassis.
+    ``auto_hold`` and the two of bumps are kept for clients and have no effect on this chassis.
     """
 
     max_forward_velocity: float

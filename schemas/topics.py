@@ -17,6 +17,7 @@ from rackhand.schemas import chassis, explain, lift, maps, motion, moves, parame
 from rackhand.schemas import websocket as ws
 from rackhand.schemas import websocket_lifts as ws_lifts
 from rackhand.schemas import websocket_racks as ws_racks
+from rackhand.schemas import websocket_sensors as ws_sensors
 from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.service import WORLD
 
@@ -118,36 +119,38 @@ def _world(name: str, model: type[M], readers: tuple[Role, ...], rate: float, qo
 
 # fmt: off
 ODOMETRY = _chassis("chassis/odometry", chassis.Odometry, "driver", ("planner", "gateway", "viewer"), 50, Qos.STREAM,
-                    "wheel odometry; published last of the measurements of a control step", ws.MotionMetrics)
+                    "wheel odometry; published last of the measurements of a control step", ws.MotionMetrics,
+                    ws_sensors.FusedSensorState, ws_sensors.TravelledDistance)
 SCAN = _chassis("chassis/scan", chassis.Scan, "driver", ("planner", "gateway", "viewer"), 12.5, Qos.STREAM,
-                "2-D lidar", ws.MatchedPoints)
+                "2-D lidar", ws.MatchedPoints, ws_sensors.MatchedLaser, ws_sensors.Trajectory)
 IMU = _chassis("chassis/imu", chassis.Imu, "driver", (), 50, Qos.STREAM, "angular velocity and specific force")
 JACK = _chassis("chassis/jack", chassis.Jack, "driver", ("planner", "gateway", "viewer"), 5, Qos.STREAM,
                 "jack state and progress", ws.JackState)
 BATTERY = _chassis("chassis/battery", chassis.Battery, "driver", ("planner", "gateway", "viewer"), 1, Qos.STREAM,
-                   "charge, voltage, current", ws.BatteryState)
-CONTACTS = _chassis("chassis/contacts", chassis.Contacts, "driver", ("planner", "viewer"), 10, Qos.STREAM,
-                    "bumpers, charging contacts, cable, stop button")
+                   "charge, voltage, current", ws.BatteryState, ws_sensors.DetailedBatteryState)
+CONTACTS = _chassis("chassis/contacts", chassis.Contacts, "driver", ("planner", "gateway", "viewer"), 10, Qos.STREAM,
+                    "bumpers, charging contacts, cable, stop button", ws_sensors.BumperState)
 CHASSIS_MODEL = _chassis("chassis/model", chassis.ChassisModel, "driver", ("planner", "gateway", "viewer"), 0,
                          Qos.LATCHED, "footprint, limits, lidar, jack and charge contact")
 POSE = _chassis("chassis/pose", chassis.LocalisedPose, "localiser", ("planner", "gateway", "viewer"), 25, Qos.STREAM,
-                "localised pose in the map", ws.TrackedPose, ws.SlamState, ws.MatchedPoints, ws_racks.LoadFrame)
+                "localised pose in the map", ws.TrackedPose, ws.SlamState, ws.MatchedPoints, ws_sensors.MatchedLaser,
+                ws_sensors.Trajectory, ws_racks.LoadFrame)
 CHASSIS_STATUS = _chassis("chassis/status", chassis.ChassisStatus, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
                           "mode, stops, self-check of the jack, alerts", ws.WheelState, ws.ChassisState, ws.Alerts,
-                          ws.JackState)
+                          ws.JackState, ws_sensors.SensorManagerState)
 FOOTPRINT = _chassis("chassis/footprint", chassis.ChassisFootprint, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
                      "outline that must not touch anything now: of the body, or of body and carried rack",
-                     ws.RobotModel, ws.RobotFootprint)
+                     ws.RobotModel, ws.RobotFootprint, ws_sensors.LocalPath)
 LOAD = _chassis("chassis/load", racks.LoadReport, "planner", ("gateway", "viewer"), 0, Qos.LATCHED,
                 "what the chassis carries or is connected to", ws_racks.LoadFrame)
 COMMAND = _chassis("chassis/command", chassis.ChassisCommand, "planner", ("driver", "viewer"), 25, Qos.COMMAND,
                    "body velocity and jack")
 COSTMAP = _chassis("chassis/costmap", chassis.Costmap, "planner", ("gateway", "viewer"), 1, Qos.STREAM,
-                   "local costmap", ws.CostmapFrame)
+                   "local costmap", ws.CostmapFrame, ws_sensors.CostmapPicture)
 PLANNING_STATE = _chassis("moves/planning_state", moves.PlanningState, "planner", ("gateway", "viewer"), 5,
                           Qos.LATCHED, "state of the current or last move", ws.PlanningStateFrame)
 PATH = _chassis("moves/path", moves.PlannedPath, "planner", ("gateway", "viewer"), 5, Qos.LATCHED, "remaining path",
-                ws.PathFrame)
+                ws.PathFrame, ws_sensors.LocalPath)
 MOVE_EVENT = _chassis("moves/event", moves.MoveEvent, "planner", ("viewer",), 0, Qos.EVENT,
                       "a move was created, replanned, blocked or has ended")
 DETECTED_RACK = _chassis("racks/detected", racks.DetectedRack, "planner", ("gateway", "viewer"), 0, Qos.STREAM,

@@ -11,7 +11,8 @@ from rackhand.schemas import websocket as ws
 from rackhand.schemas.base import Message
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.websocket_racks import LoadFrame
-from rackhand.services.gateway.ws import lift_payloads, rack_payloads  # noqa: F401 - they register in PAYLOADS
+from rackhand.schemas.websocket_sensors import MatchedLaser, Trajectory
+from rackhand.services.gateway.ws import lift_payloads, rack_payloads, sensor_payloads  # noqa: F401 - they register
 from rackhand.services.gateway.ws.facts import Facts
 from rackhand.services.gateway.ws.payloads import PAYLOADS
 
@@ -24,6 +25,7 @@ _STREAMED = {
     topics.CHASSIS_STATUS.name: {"stamp"},
     topics.JACK.name: {"stamp", "progress", "weight"},
 }
+_OF_MATCHED = (ws.MatchedPoints, MatchedLaser, Trajectory)  # they change with a scan whose pose is known
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class RobotState:
     def _changed(self, topic: Topic[Any], matched: bool) -> Iterable[type[ws.WsTopic]]:
         before, self._quality = self._quality, self.facts.quality
         for view in topic.ws:
-            if view is ws.MatchedPoints and not matched:
+            if view in _OF_MATCHED and not matched:
                 continue
             if view is LoadFrame and topic is topics.POSE and not self._is_carrying():
                 continue

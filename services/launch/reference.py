@@ -13,6 +13,8 @@ from pydantic.fields import FieldInfo
 
 from rackhand.schemas import crf_requests as crf
 from rackhand.schemas import topics
+from rackhand.schemas.api_coverage import ENDPOINTS
+from rackhand.schemas.api_coverage import TOPICS as DOCUMENTED
 from rackhand.schemas.base import Message
 from rackhand.schemas.fail_causes import CAUSES
 from rackhand.schemas.fail_reasons import MoveFailReason
@@ -209,6 +211,23 @@ def plain(table: Table) -> str:
     return "\n".join("  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)).rstrip() for row in lines)
 
 
+def endpoint_table() -> Table:
+    """Every endpoint of the chassis API."""
+    header: tuple[str, ...] = ("endpoint", "here", "note")
+    return header, [
+        (f"`{row.method} {row.path}`", "works" if row.works else f"not available: {row.status}", row.text)
+        for row in ENDPOINTS
+    ]
+
+
+def documented_topic_table() -> Table:
+    """Every WebSocket topic of the chassis API."""
+    header: tuple[str, ...] = ("topic", "direction", "here")
+    return header, [
+        (f"`{row.name}`", row.direction, "works" if row.works else f"silent: {row.missing}") for row in DOCUMENTED
+    ]
+
+
 BLOCKS: dict[str, Callable[[], Table]] = {
     "topics": topic_table,
     "queries": query_table,
@@ -219,6 +238,8 @@ BLOCKS: dict[str, Callable[[], Table]] = {
     "faults": fault_table,
     "settings": settings_table,
     "rack-spec": rack_spec_table,
+    "api-endpoints": endpoint_table,
+    "api-topics": documented_topic_table,
     "crf-requests": crf_request_table,
     "crf-refusals": refusal_table,
 }

@@ -28,6 +28,7 @@ from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapReply, MapRequest
 from rackhand.schemas.moves import (
     CancelMove,
+    ClearMoves,
     CreateMove,
     GetMove,
     ListMoves,
@@ -308,6 +309,9 @@ class Chassis:
                 move = self._book.active(move_id)
                 self._pause(move.id, paused)
                 return MoveReply(moves=(move,))
+            case ClearMoves():
+                self._book.clear()
+                return MoveReply(moves=())
 
     def _create(self, wanted: MoveCreate) -> None:
         if self._driver_fault:

@@ -128,6 +128,14 @@ class Motion:
         self.perception.set_map(data)
         self.plans.cancel()
 
+    def set_overlays(self, data: MapData) -> None:
+        """The map in use with other overlays: what was observed on it stays, and a running move goes on.
+
+        Raises ``MoveFailed(GET_MAP_FAILED)``; the overlays before are then still in use.
+        """
+        self.perception.set_overlays(data)
+        self.plans.cancel()
+
     def reset(self) -> None:
         """The driver restarted: nothing moves, and what was measured is void."""
         self.end()

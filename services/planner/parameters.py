@@ -34,6 +34,7 @@ MAX_EXPANSION = 0.5  # m
 MIN_LOADED = 0.05  # m/s and rad/s: a load must not stop the chassis
 LOAD_STEP = 0.03  # of the greatest load, by which a measured weight must differ to change the velocities
 MIN_ACC = 0.1  # m/s²: with less, starting and stopping take longer than a move may be without progress
+SMOOTHER = 0.6  # of the acceleration, with the highest smooth level
 _META = "parameters"
 
 
@@ -107,6 +108,8 @@ def commanded(parameters: Parameters, limits: Limits, load: float = 0.0) -> Limi
     to ``weight_min_linear`` and ``weight_min_angular``.
     """
     allowed = limits._replace(**parameters.model_dump(include=set(Limits._fields)))
+    if parameters.smooth_level == "higher":
+        allowed = allowed._replace(max_forward_acc=SMOOTHER * allowed.max_forward_acc)
     if not parameters.weight_based_speed_limit or load == 0.0:
         return allowed
     linear = max(parameters.weight_min_linear, (1.0 - load) * limits.max_forward_velocity)

@@ -9,6 +9,7 @@ from rackhand.schemas import topics
 from rackhand.schemas.chassis import ChassisRequest, Done, SetControlMode
 from rackhand.schemas.explain import ExplainMove, ExplainReply, Explanation
 from rackhand.schemas.maps import (
+    ChangeOverlays,
     CreateMap,
     DeleteMap,
     GetMap,
@@ -22,7 +23,17 @@ from rackhand.schemas.maps import (
     SelectMap,
     UseMapData,
 )
-from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveReply, MoveRequest, PauseMove
+from rackhand.schemas.moves import (
+    CancelMove,
+    ClearMoves,
+    CreateMove,
+    GetMove,
+    ListMoves,
+    Move,
+    MoveReply,
+    MoveRequest,
+    PauseMove,
+)
 from rackhand.schemas.parameters import ParameterChanges, ParametersReply, ParametersRequest, SetParameters
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.parameters import Basis, changed, check, defaults, in_force, ranges
@@ -104,6 +115,9 @@ class FakeBus:
                 )
                 self.moves[move.id] = move
                 return [move]
+            case ClearMoves():
+                self.moves = {move.id: move for move in self.moves.values() if move.state == "moving"}
+                return []
             case ListMoves(offset=offset, limit=limit):
                 newest_first = list(reversed(self.moves.values()))
                 return newest_first[offset : None if limit is None else offset + limit]
@@ -176,6 +190,13 @@ class FakeBus:
                     raise Refused(RefusalCode.NOT_FOUND, f"there is no map {map_id if uid is None else uid}")
                 self.current_map = found[0]
                 return MapReply(maps=(summary(found[0]),))
+            case ChangeOverlays(overlays=overlays):
+                if self.current_map is None:
+                    raise Refused(RefusalCode.NOT_FOUND, "no map is in use")
+                version = self.current_map.overlays_version + 1
+                changes = {"overlays": overlays, "overlays_version": version}
+                self.current_map = self.current_map.model_copy(update=changes)
+                return MapReply(data=self.current_map)
             case UseMapData(map=created):
                 self.current_map = to_data(created, -1)
                 return MapReply(maps=(summary(self.current_map),))

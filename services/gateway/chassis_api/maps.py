@@ -37,11 +37,13 @@ from rackhand.services.gateway.chassis_api.models import (
     MapIdentity,
     MapPatchBody,
     MapRow,
+    NewMapBody,
     map_detail,
 )
 from rackhand.services.gateway.context import Context, Gateway, root_of
 from rackhand.services.gateway.http.bodies import MalformedJson, read_json
 from rackhand.services.gateway.http.errors import BadRequest, failures, not_found
+from rackhand.services.gateway.mapping import RESOLUTION
 
 router = APIRouter(tags=["maps"])
 
@@ -50,6 +52,9 @@ _Responses = dict[int | str, dict[str, Any]]
 _PNG: _Responses = {200: {"content": {"image/png": {"schema": {"type": "string", "format": "binary"}}}}}
 # Fields of a map that are numbers, in a form too.
 NUMBERS = ("grid_origin_x", "grid_origin_y", "grid_resolution", "map_version", "overlays_version")
+_BINARY: _Responses = {
+    200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}
+}
 _ZIP: _Responses = {200: {"content": {"application/zip": {"schema": {"type": "string", "format": "binary"}}}}}
 
 
@@ -60,9 +65,12 @@ async def list_maps(request: Request, gateway: Gateway) -> list[MapRow]:
 
 
 @router.post("/maps", status_code=201, responses=failures(400, 413, 503))
-async def create_map(body: MapBody, request: Request, gateway: Gateway) -> MapRow:
-    """Store a map. It is not used until ``POST /chassis/current-map`` selects it. Also as ``multipart/form-data``."""
-    created = await run_in_threadpool(_to_create, body)
+async def create_map(body: NewMapBody, request: Request, gateway: Gateway) -> MapRow:
+    """Store a map. It is not used until ``POST /chassis/current-map`` selects it. Also as
+    ``multipart/form-data``, or with the ``mapping_id`` of a finished mapping in place of the pictures.
+    """
+    given = body if body.mapping_id is None else _of_mapping(gateway, body, body.mapping_id)
+    created = await run_in_threadpool(_to_create, given)
     return MapRow.at(_one(await _ask(gateway, MapRequest(request=created))), root_of(request, gateway))
 
 
@@ -77,6 +85,15 @@ async def delete_all_maps(gateway: Gateway) -> None:
 async def map_image(map_id: MapId, gateway: Gateway) -> Response:
     """The occupancy grid: its row 0 is the top."""
     return Response((await _whole(gateway, map_id)).png, media_type="image/png")
+
+
+@router.get("/maps/{map_id}.pbstream", response_class=Response, responses={**_BINARY, **failures(404, 503)})
+async def map_file(map_id: MapId, gateway: Gateway) -> Response:
+    """The file that was given in ``carto_map``, as it was; 404 for a map without one."""
+    data = await _whole(gateway, map_id)
+    if not data.carto_map:
+        raise not_found(f"map {map_id} was stored without carto_map")
+    return Response(base64.b64decode(data.carto_map), media_type="application/octet-stream")
 
 
 @router.get("/maps/{map_id}/thumbnail", response_class=Response, responses={**_PNG, **failures(404, 503)})
@@ -158,16 +175,34 @@ def _one(reply: MapReply) -> MapSummary:
     return reply.maps[0]
 
 
+def _of_mapping(gateway: Context, body: NewMapBody, mapping_id: int) -> MapBody:
+    run = gateway.state.facts.mappings.runs.get(mapping_id)
+    if run is None or run.state != "finished":
+        state = "there is none" if run is None else f"it is {run.state}"
+        raise BadRequest(f"mapping_id: {mapping_id} is not a finished mapping: {state}")
+    x, y = run.origin
+    return MapBody(
+        map_name=body.map_name,
+        occupancy_grid=base64.b64encode(run.png()).decode(),
+        grid_origin_x=x,
+        grid_origin_y=y,
+        grid_resolution=RESOLUTION,
+        map_version=1,
+        overlays_version=1,
+    )
+
+
 def _to_create(body: MapBody) -> CreateMap:
     return CreateMap(
         map_name=body.map_name,
         uid=body.uid,
-        png=_png(body.occupancy_grid),
+        png=_decoded("occupancy_grid", body.occupancy_grid),
         origin=(body.grid_origin_x, body.grid_origin_y),
         resolution=body.grid_resolution,
         map_version=body.map_version or 0,
         overlays_version=body.overlays_version or 0,
         overlays=_overlays({"type": "FeatureCollection", "features": []} if body.overlays is None else body.overlays),
+        carto_map=_checked_base64("carto_map", body.carto_map or ""),
     )
 
 
@@ -188,11 +223,16 @@ def _to_choice(body: CurrentMapBody) -> SelectMap | UseMapData:
 _WHOLE_MAP = ("map_name", "occupancy_grid", "grid_origin_x", "grid_origin_y", "grid_resolution")
 
 
-def _png(text: str) -> bytes:
+def _decoded(name: str, text: str) -> bytes:
     try:
         return base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError) as error:
-        raise BadRequest(f"occupancy_grid: not base64: {error}") from None
+        raise BadRequest(f"{name}: not base64: {error}") from None
+
+
+def _checked_base64(name: str, text: str) -> str:
+    _decoded(name, text)
+    return text
 
 
 def _overlays(value: str | Overlays) -> Overlays:

@@ -242,7 +242,7 @@ def map_detail(data: MapData, root: str, overlays: str) -> MapDetail:
         grid_origin_y=data.origin[1],
         grid_resolution=data.resolution,
         overlays=overlays,
-        pbstream_url=None,
+        pbstream_url=f"{row.url}.pbstream" if data.carto_map else None,
         download_url=f"{row.url}/download",
     )
 
@@ -259,6 +259,23 @@ class MapBody(Body):
     uid: Name | None = None
     map_version: Version | None = None
     overlays_version: Version | None = None
+    carto_map: str | None = Field(default=None, description="base64; kept and given back, not read")
+
+
+_OF_MAPPING = {"occupancy_grid": "", "grid_origin_x": 0.0, "grid_origin_y": 0.0, "grid_resolution": 1.0}
+
+
+class NewMapBody(MapBody):
+    """A map given whole, or ``map_name`` and the ``mapping_id`` of a finished mapping, whose picture it gets."""
+
+    mapping_id: Annotated[int, Field(ge=0, le=MAX_ID)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_a_picture(cls, given: Any) -> Any:
+        if not isinstance(given, dict) or given.get("mapping_id") is None:
+            return given
+        return given | _OF_MAPPING
 
 
 class MapPatchBody(Body):

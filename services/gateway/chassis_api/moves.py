@@ -9,7 +9,7 @@ from fastapi.responses import JSONResponse
 
 from rackhand.schemas import topics
 from rackhand.schemas.explain import ExplainMove
-from rackhand.schemas.moves import CancelMove, CreateMove, GetMove, ListMoves, Move, MoveRequest, PauseMove
+from rackhand.schemas.moves import CancelMove, ClearMoves, CreateMove, GetMove, ListMoves, Move, MoveRequest, PauseMove
 from rackhand.services.gateway.chassis_api.explained import MoveExplained, explained
 from rackhand.services.gateway.chassis_api.models import (
     MAX_ID,
@@ -49,6 +49,12 @@ async def list_moves(
     """All moves, newest first, without their targets."""
     reply = await gateway.ask(topics.MOVES, MoveRequest(request=ListMoves(offset=offset, limit=limit)))
     return [MoveShort.of(move) for move in reply.moves]
+
+
+@router.delete("", status_code=204, responses=failures(503))
+async def delete_all_moves(gateway: Gateway) -> None:
+    """Forget all moves that have ended. Ids are not used again."""
+    await gateway.ask(topics.MOVES, MoveRequest(request=ClearMoves()))
 
 
 @router.get("/current", responses=failures(404, 503))

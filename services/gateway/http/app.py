@@ -8,7 +8,18 @@ from fastapi import FastAPI
 from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
-from rackhand.services.gateway.chassis_api import chassis, device, files, maps, moves, parameters, system_settings
+from rackhand.services.gateway.chassis_api import (
+    absent,
+    chassis,
+    device,
+    files,
+    live_map,
+    mappings,
+    maps,
+    moves,
+    parameters,
+    system_settings,
+)
 from rackhand.services.gateway.context import BusClient, Shared
 from rackhand.services.gateway.crf import motion
 from rackhand.services.gateway.crf.hub import MotionHub
@@ -51,14 +62,18 @@ def create_app(fleet: Fleet, bus: BusClient, settings: Settings | None = None) -
     for router in (
         index.router,
         docs.router,
+        absent.router,
         moves.router,
         chassis.router,
         chassis.services,
         parameters.router,
         system_settings.router,
         maps.router,
+        live_map.router,
+        mappings.router,
         device.router,
         files.router,
+        absent.services,
         robots.router,
         motion.router,
     ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from typing import Any, TypeVar, cast
@@ -12,6 +13,7 @@ from rackhand.schemas.chassis import Odometry, Scan
 from rackhand.schemas.lift import LiftState
 from rackhand.schemas.scan_points import ScanPairing
 from rackhand.schemas.topics import Topic
+from rackhand.services.gateway.mapping import Mappings
 from rackhand.services.gateway.ws.files import Files
 
 M = TypeVar("M", bound=Message)
@@ -25,7 +27,8 @@ class Facts:
     """What is known of one robot.
 
     ``acceleration`` in m/s², over the last tenth of a second. ``matched``: the newest scan with the pose at which it
-    was taken. ``files``: what frames refer to by URL. ``lifts``: state of each lift of the cell by name.
+    was taken. ``files``: what frames refer to by URL. ``lifts``: state of each lift of the cell by name. ``mappings``:
+    maps drawn from the scans. ``travelled``: metres since the stamp ``travelled_since``.
     """
 
     def __init__(self, messages: Mapping[Topic[Any], Message] | None = None) -> None:
@@ -33,6 +36,9 @@ class Facts:
         self.acceleration = 0.0
         self.matched: tuple[Scan, Pose2] | None = None
         self.files = Files()
+        self.mappings = Mappings()
+        self.travelled, self.travelled_since = 0.0, 0
+        self._last_odometry: Odometry | None = None
         self.lifts: dict[str, LiftState] = {}
         self._speeds: deque[tuple[int, float]] = deque()
         self._pairing = ScanPairing()
@@ -49,11 +55,14 @@ class Facts:
         pair = None
         if topic is topics.ODOMETRY:
             self._accelerate(message)
+            self._travel(message)
         elif topic is topics.POSE:
             pair = self._pairing.add_pose(message)
         elif topic is topics.SCAN:
             pair = self._pairing.add_scan(message)
         self.matched = pair or self.matched
+        if pair is not None:
+            self.mappings.take(*pair)
         return pair is not None
 
     def unix(self, stamp: int) -> float:
@@ -73,6 +82,13 @@ class Facts:
         if odometry is not None and odometry.stamp - pose.stamp > POSE_LIFE_NS:
             return LOST_QUALITY
         return pose.quality
+
+    def _travel(self, odometry: Odometry) -> None:
+        last, self._last_odometry = self._last_odometry, odometry
+        if last is None or odometry.stamp <= last.stamp:  # the first one, or the clock was reset
+            self.travelled_since = odometry.stamp
+            return
+        self.travelled += math.hypot(odometry.pose.x - last.pose.x, odometry.pose.y - last.pose.y)
 
     def _accelerate(self, odometry: Odometry) -> None:
         speeds = self._speeds

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rackhand.schemas import topics
 from rackhand.schemas import websocket as ws
 from rackhand.schemas.base import Pose2
-from rackhand.schemas.chassis import ChassisStatus
+from rackhand.schemas.chassis import ChassisStatus, Costmap
 from rackhand.schemas.maps import MapData
 from rackhand.schemas.scan_points import scan_points
 from rackhand.services.gateway.chassis_api.models import fail_reason
@@ -157,14 +157,11 @@ def costmap_file(facts: Facts) -> ws.CostmapFrame | None:
     costmap = facts.newest(topics.COSTMAP)
     if costmap is None:
         return None
-    cost = costmap.cost.reshape(-1, costmap.columns)
-    grey = (cost.astype(np.uint16) * HIGHEST_FREE // LETHAL).astype(np.uint8)
-    grey[cost >= LETHAL] = OCCUPIED
-    grey[cost == UNKNOWN] = 0
+    grey = costmap_grey(costmap)
     return ws.CostmapFrame(
         stamp=facts.unix(costmap.stamp),
         resolution=costmap.resolution,
-        size=(costmap.columns, len(cost)),
+        size=(costmap.columns, len(grey)),
         origin=costmap.origin,
         data_url=facts.files.put("costmap", grey_png(np.flipud(grey))),
     )
@@ -266,6 +263,15 @@ def matched_points(facts: Facts) -> ws.MatchedPoints | None:
     points = scan_points(scan, pose)
     flat = np.column_stack((points, np.zeros(len(points))))
     return ws.MatchedPoints(stamp=facts.unix(scan.stamp), points=np.round(flat, 3).tolist())
+
+
+def costmap_grey(costmap: Costmap) -> NDArray[np.uint8]:
+    """A costmap as clients read it, (rows, columns), row 0 at the bottom."""
+    cost = costmap.cost.reshape(-1, costmap.columns)
+    grey: NDArray[np.uint8] = (cost.astype(np.uint16) * HIGHEST_FREE // LETHAL).astype(np.uint8)
+    grey[cost >= LETHAL] = OCCUPIED
+    grey[cost == UNKNOWN] = 0
+    return grey
 
 
 def footprint(outline: NDArray[np.float64]) -> list[tuple[float, float]]:

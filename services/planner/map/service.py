@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from rackhand.schemas.maps import (
+    ChangeOverlays,
     CreateMap,
     DeleteMap,
     GetMap,
@@ -12,6 +13,7 @@ from rackhand.schemas.maps import (
     MapData,
     MapReply,
     MapRequest,
+    Overlays,
     PatchMap,
     ReplaceMap,
     SelectMap,
@@ -28,6 +30,9 @@ class MapUser(Protocol):
 
     def set_map(self, data: MapData | None) -> None:
         """Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that cannot be read; the one before is then still in use."""
+
+    def set_overlays(self, data: MapData) -> None:
+        """The map in use with other overlays; raises as ``set_map``."""
 
 
 class MapService:
@@ -80,6 +85,9 @@ class MapService:
                 return self._use(None)
             case SelectMap() as choice:
                 return self._use(self._chosen(choice))
+            case ChangeOverlays(overlays=overlays):
+                check_overlays(overlays)
+                return self._change_overlays(overlays, now)
             case UseMapData(map=created):
                 check_map(created)
                 return self._use(unstored(created, now))
@@ -90,13 +98,25 @@ class MapService:
             raise RequestRefused(RefusalCode.INVALID, f"map {data.id} has the uid {data.uid!r}, not {choice.uid!r}")
         return data
 
+    def _change_overlays(self, overlays: Overlays, now: int) -> MapReply:
+        """Not a change of map: what was observed on it stays, and a move goes on."""
+        if self.current is None:
+            raise RequestRefused(RefusalCode.NOT_FOUND, "no map is in use")
+        data = self._store.with_overlays(overlays, now)
+        try:
+            self._user.set_overlays(data)
+        except MoveFailed as failed:
+            raise RequestRefused(RefusalCode.INVALID, f"the map is not usable for navigation: {failed.text}") from None
+        self._store.use_overlays(data)
+        return MapReply(data=data)
+
     def _use(self, data: MapData | None) -> MapReply:
         """Selecting counts as a change even if it is the same map: it is how patched overlays are taken up."""
         try:
             self._user.set_map(data)
         except MoveFailed as failed:
             raise RequestRefused(RefusalCode.INVALID, f"the map is not usable for navigation: {failed.text}") from None
-        self._store.use(data)
+        self._store.use(None if data is None else data.model_copy(update={"carto_map": ""}))
         self.trouble = None
         self.changes += 1
         return MapReply(data=data)

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from rackhand.runtime.store import Settled, Store
 from rackhand.schemas.codec import explain
-from rackhand.schemas.maps import CreateMap, MapData, MapSummary, PatchMap
+from rackhand.schemas.maps import CreateMap, MapData, MapSummary, Overlays, PatchMap
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.errors import StoreError
@@ -123,6 +123,27 @@ class MapStore:
     def use(self, data: MapData | None) -> None:
         """Choose the map in use; it is still so after a restart."""
         self._change(replace(self._table, current=data), _use(data))
+
+    def with_overlays(self, overlays: Overlays, now: int) -> MapData:
+        """The map in use with other overlays, of the next version; nothing is changed yet."""
+        assert self.current is not None
+        update = {
+            "overlays": overlays,
+            "overlays_version": self.current.overlays_version + 1,
+            "last_modified_time": max(now, self.current.last_modified_time),
+        }
+        return self.current.model_copy(update=update)
+
+    def use_overlays(self, data: MapData) -> None:
+        """Use what ``with_overlays`` made, and store its overlays with the map that it is, where there is one."""
+        statements, maps = [_use(data)], self._table.maps
+        stored = maps.get(data.id)
+        if stored is not None:
+            kept = {"overlays", "overlays_version", "last_modified_time"}
+            stored = stored.model_copy(update={name: getattr(data, name) for name in kept})
+            maps = maps | {data.id: stored}
+            statements.append((_UPDATE, (stored.uid, _record(stored), stored.id)))
+        self._change(replace(self._table, maps=maps, current=data), *statements)
 
     def import_directory(self, found: DirectoryMap, select: bool = True) -> bool:
         """Store the map of a directory and choose it (unless ``select`` is false, as for further floors), if the last

@@ -31,6 +31,9 @@ class MoveRecords(Protocol):
     def page(self, offset: int, limit: int | None) -> tuple[Move, ...]:
         """Moves, newest first."""
 
+    def clear(self, but: int | None) -> None:
+        """Forget all moves but one."""
+
 
 def check(request: MoveCreate) -> None:
     """Raises ``RequestRefused`` (invalid) for a move that is not well formed.
@@ -108,6 +111,10 @@ class MoveBook:
 
     def page(self, offset: int, limit: int | None) -> tuple[Move, ...]:
         return self._records.page(offset, limit)
+
+    def clear(self) -> None:
+        """Forget all moves that have ended; the state of the last one is still published."""
+        self._records.clear(None if self.current is None else self.current.id)
 
     def active(self, move_id: int | None) -> Move:
         """The running move, if it is the one meant. Raises ``RequestRefused`` (not_found, precondition)."""

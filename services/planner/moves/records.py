@@ -67,6 +67,10 @@ class MoveStore:
         self._moves[move.id] = move
         self._store.submit(partial(_write, moves=(move,)), keep=True)
 
+    def clear(self, but: int | None) -> None:
+        self._moves = {move_id: record for move_id, record in self._moves.items() if move_id == but}
+        self._store.submit(partial(_clear, but=but), keep=True)
+
     def settle(self, settled: Settled) -> int | None:
         """The disk's answer to a job. Returns the id of a new move that could not be written; it is tried again."""
         move_id = self._unwritten.pop(settled.number, None)
@@ -109,6 +113,11 @@ def _write(database: Database, moves: Sequence[Move], forget_up_to: int = 0) -> 
         connection.executemany("INSERT OR REPLACE INTO moves (id, state, record) VALUES (?, ?, ?)", rows)
         if forget_up_to > 0:
             connection.execute("DELETE FROM moves WHERE id <= ? AND state != 'moving'", (forget_up_to,))
+
+
+def _clear(database: Database, but: int | None) -> None:
+    with database.transaction() as connection:
+        connection.execute("DELETE FROM moves WHERE id IS NOT ? AND state != 'moving'", (but,))
 
 
 def _parse(move_id: int, record: str) -> Move:

@@ -58,6 +58,14 @@ class LocalCostmap:
         g = static.geometry
         self.refresh(np.array([*g.centre(g.rows // 2, g.columns // 2), 0.0]))
 
+    def set_overlays(self, static: StaticMap, pose: Pose | None) -> None:
+        """Go on with the same cells and other overlays; ``pose``: of the chassis, where it is known."""
+        self.static = static
+        self.rack_points = RackPoints(static, self.settings)
+        self.mapped = TiledClearance(static.blocked, static.geometry)
+        g = static.geometry
+        self.refresh(np.array([*g.centre(g.rows // 2, g.columns // 2), 0.0]) if pose is None else pose)
+
     def look(
         self,
         scan: Scan,

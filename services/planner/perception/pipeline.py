@@ -54,6 +54,14 @@ class Perception:
         else:
             self.costmap = LocalCostmap(load_map(data, self._settings.slow_zone_velocity), self._settings)
 
+    def set_overlays(self, data: MapData) -> None:
+        """The map in use with other overlays; what was observed stays. Raises as ``set_map``."""
+        static = load_map(data, self._settings.slow_zone_velocity)
+        if self.costmap is None:
+            self.costmap = LocalCostmap(static, self._settings)
+        else:
+            self.costmap.set_overlays(static, self.pose)
+
     def configure(
         self, settings: NavigationSettings, body: Footprint, footprint: Footprint, load: Load | None = None
     ) -> None:

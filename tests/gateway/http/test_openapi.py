@@ -28,6 +28,7 @@ def started(server: Gateway) -> Gateway:
     server.reset()
     server.publish(topics.CHASSIS_MODEL, messages.model())
     server.publish(topics.JACK, messages.jack())
+    server.publish(topics.POSE, messages.pose())
     server.publish(topics.LOAD, messages.load("under_rack"))
     server.publish(topics.CHASSIS_STATUS, messages.status())
     return server

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -16,7 +17,7 @@ PATHS = [path for path in DOCUMENT["paths"] if "{name}" not in path and "{arm}" 
 
 
 def concrete(path: str) -> str:
-    return path.replace("{move_id}", "1").replace("{map_id}", "1")
+    return re.sub(r"{\w+_id}", "1", path)
 
 
 @pytest.mark.parametrize("method", BODY_METHODS)
@@ -28,7 +29,7 @@ def test_an_unknown_url_is_404_whatever_its_body(gateway: Gateway, method: str, 
 
 @pytest.mark.parametrize("path", [path for path in PATHS if "_id}" in path])
 def test_an_id_that_is_no_number_is_404_whatever_its_body(gateway: Gateway, path: str) -> None:
-    url = path.replace("{move_id}", "first").replace("{map_id}", "first")
+    url = re.sub(r"{\w+_id}", "first", path)
     for method in DOCUMENT["paths"][path]:
         for headers, content in ((YAML, b"a: 1"), (JSON, b"{")):
             answer = gateway.http.request(method.upper(), url, headers=headers, content=content)

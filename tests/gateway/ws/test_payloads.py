@@ -12,7 +12,8 @@ from PIL import Image
 
 from rackhand.schemas import topics
 from rackhand.schemas import websocket as ws
-from rackhand.schemas.chassis import Alert, Costmap
+from rackhand.schemas.base import Pose2
+from rackhand.schemas.chassis import Alert, Contacts, Costmap
 from rackhand.schemas.maps import CurrentMap
 from rackhand.services.gateway.ws import payloads
 from rackhand.services.gateway.ws.facts import Facts
@@ -44,6 +45,7 @@ def test_every_frame_is_registered_under_the_topic_of_its_model() -> None:
         (topics.PLANNING_STATE, messages.planning()),
         (topics.PATH, messages.path()),
         (topics.BATTERY, messages.battery()),
+        (topics.CONTACTS, Contacts(stamp=SECOND, bumper_front=True)),
         (topics.CHASSIS_STATUS, messages.status()),
         (topics.JACK, messages.jack()),
         (topics.FOOTPRINT, messages.footprint()),
@@ -56,6 +58,7 @@ def test_every_frame_is_registered_under_the_topic_of_its_model() -> None:
         (topics.SCAN, messages.scan()),
     ):
         facts.add(topic, message)
+    facts.mappings.begin(Pose2(x=0.0, y=0.0, yaw=0.0), 0)
     made = {name: make(facts) for name, make in PAYLOADS.items()}
     assert {name: frame.TOPIC for name, frame in made.items() if frame is not None} == {name: name for name in made}
 
