@@ -309,7 +309,8 @@ def report(outcomes: Sequence[Outcome]) -> Report:
         f"{SLOWEST} to {FASTEST} m/s, in a hall of 26 x 18 m and in a corridor of {2 * HALF_CORRIDOR} m, in physics. "
         "People walk on a script: they stop for a body within 0.5 m right before them and do not evade. A contact is "
         f"the robot's if it drove at more than {DRIVEN_INTO} m/s towards the person. Time is lost against the same "
-        "move with nobody there.",
+        "move with nobody there. Nearest: from the footprint to a circle of the person's greatest radius; people are "
+        "round at the foot, so that a few millimetres below 0 are not yet a contact in physics.",
     )  # fmt: skip
 
 

@@ -62,8 +62,8 @@ class Progress:
         while not self._done.wait(self._every):
             with self._lock:
                 counts = [_count(name, done, total) for name, (done, total) in self._counts.items()]
-            unit = f" {self._unit}" if self._unit else ""
-            self.say(f"{', '.join(counts)}{unit} after {time.monotonic() - begun:.0f} s")
+            unit = f" {self._unit}" if self._unit and counts else ""
+            self.say(f"{', '.join(counts) or 'nothing done yet'}{unit} after {time.monotonic() - begun:.0f} s")
 
 
 def _count(name: str, done: int, total: int | None) -> str:

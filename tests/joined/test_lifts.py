@@ -1,4 +1,4 @@
-"""A lift in physics: a round trip, and fail reasons whose cause goes away again or is a matter of the map.
+"""A lift in physics: a round trip, fail reasons by their causes, doors that close, and what ends a move in the doorway.
 
 One cell for all: each test begins with a chassis before the lift, whose doors are open at its floor unless it says
 otherwise.
@@ -27,6 +27,7 @@ from tests.joined.lifts import CLIENT, LiftUser
 from tests.joined.world import JoinedWorld
 
 ROBOT, DOWN, UP = "amr1", "floor1", "floor2"
+DOOR_Y = 2.4  # of the shaft's door downstairs
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +102,7 @@ def test_a_round_trip(user: LiftUser) -> None:
     assert seen == [("enter_elevator", True), ("standard", False)] * 2
 
 
-# -- why it fails ------------------------------------------------------------------------------------------------------
+# -- 300 to 304 --------------------------------------------------------------------------------------------------------
 
 
 def test_300_a_person_in_the_cabin_and_again_when_it_has_left(user: LiftUser) -> None:
@@ -149,3 +150,79 @@ def test_303_a_mapped_screen_before_the_place(user: LiftUser) -> None:
     user.world.ask(Remove(name="screen"))
     assert failed.fail_reason == Reason.ELEVATOR_POINT_OCCUPANCY_DETECTION_TIMEOUT, failed.fail_message
     assert 10.0 < user.world.now() - begun < 12.0
+
+
+def test_304_wheels_that_do_not_turn(user: LiftUser) -> None:
+    with fault(user, "wheels_blocked", ROBOT):
+        begun, move = user.world.now(), user.enter(DOWN)
+        user.world.advance(4.0)
+        assert user.driver.planning_state.stuck_state == "move_stucked"
+        failed = user.finish(move)
+    assert failed.fail_reason == Reason.ELEVATOR_ENTER_PROGRESS_UPDATE_TIMEOUT, failed.fail_message
+    assert 10.0 < user.world.now() - begun < 12.0
+
+
+# -- doors that close --------------------------------------------------------------------------------------------------
+
+
+def test_a_door_that_closes_before_it_stops_the_chassis(user: LiftUser) -> None:
+    """Even one that nothing between its leaves would stop."""
+    move = user.enter(DOWN)
+    user.world.advance(0.8)
+    with fault(user, "lift_door_closes"):
+        failed = user.finish(move)
+        assert failed.fail_reason == Reason.ELEVATOR_CLOSED, failed.fail_message
+        assert user.world.true_pose(ROBOT).y - 0.375 > DOOR_Y + 0.1
+        goes_back(user)
+
+
+def test_a_door_that_closes_behind_the_nose_lets_the_chassis_in(user: LiftUser) -> None:
+    move = user.enter(DOWN)
+    user.world.wait_for(lambda: True if user.world.true_pose(ROBOT).y < 2.5 else None, "in the doorway", 10.0, 0.04)
+    with fault(user, "lift_door_closes"):
+        assert user.finish(move).state == "succeeded", user.driver.move(move).fail_message
+        assert user.state.door == "closed" and "in_elevator" in flags(user)
+
+
+# -- what interrupts it ------------------------------------------------------------------------------------------------
+
+
+def enters(user: LiftUser) -> int:
+    move = user.enter(DOWN)
+    user.world.wait_for(lambda: True if user.world.true_pose(ROBOT).y < 2.5 else None, "in the doorway", 10.0, 0.04)
+    return move
+
+
+@pytest.mark.parametrize("end", ["cancel", "replace", "remote", "restart"])
+def test_what_ends_it_in_the_doorway(user: LiftUser, end: str) -> None:
+    move, driver = enters(user), user.driver
+    where = "in_elevator" in flags(user)
+    if end == "cancel":
+        driver.cancel()
+    elif end == "replace":
+        assert user.finish(user.leave(DOWN, "return_to_elevator_waiting_point")).state == "succeeded"
+    elif end == "remote":
+        driver.ask(SetControlMode(control_mode="remote"))
+    else:
+        driver.restart()
+    user.world.advance(1.0)
+    ended = driver.move(move)
+    assert (ended.state, ended.fail_reason) == (
+        ("failed", Reason.PLATFORM_ALERT_ERROR) if end == "restart" else ("cancelled", 0)
+    )
+    assert driver.stays_still() and "is_waiting_for_dest" not in flags(user)
+    assert end == "replace" or ("in_elevator" in flags(user)) is where
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"target_x": None, "target_y": None}, Reason.ENDING_POINT_NOT_SPECIFIED),
+        ({"target_x": 14.0, "target_y": 3.0}, Reason.CONFIGURATION_ERROR),
+        ({"target_x": 17.3}, Reason.ENDING_POINT_NOT_IN_GROUND),
+    ],
+)
+def test_targets_that_are_no_place_in_a_lift(user: LiftUser, fields: dict[str, float], reason: Reason) -> None:
+    failed = user.finish(user.enter(DOWN, **fields))
+    assert (failed.fail_reason, failed.state) == (reason, "failed"), failed.fail_message
+    assert user.driver.stays_still()

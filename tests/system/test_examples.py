@@ -66,7 +66,7 @@ def test_rack_job(cell: Cell, world: WorldControl) -> None:
 
 def test_arm_path(cell: Cell) -> None:
     printed = run("06_arm_path.py", cell.http)
-    assert "joints [0.0, -1.57, 1.57, -1.57, -1.57, 0.0]" in printed.replace("-0.0,", "0.0,")
+    assert "joints [0.0, -1.57, 1.57, -1.57, -1.57, 0.0]" in printed.replace("-0.0", "0.0")
     assert "given back: True" in printed
 
 

@@ -19,6 +19,7 @@ export function draw(view, known, aim, colours) {
   const target = known.planning?.move_state === "moving" ? known.planning.target_poses[0] : null;
   if (target) drawTarget(view, target, colours.path, colours.halo);
   if (known.pose) drawRobot(view, known, colours);
+  if (known.explained?.id === known.planning?.action_id) drawThings(view, known.explained.things, colours);
   known.route.draw(view, colours);
   if (aim) drawTarget(view, aim, colours.aim, colours.halo);
   drawScale(view, height, colours);
@@ -89,6 +90,22 @@ function drawScan(view, points, colours) {
   for (const point of points ?? []) {
     const [x, y] = view.toScreen(point);
     view.context.fillRect(x - 1.25, y - 1.25, 2.5, 2.5);
+  }
+}
+
+// A cross where the things are that explain the move, with what they are.
+function drawThings(view, things, colours) {
+  for (const { pos, kind } of things) {
+    const [x, y] = view.toScreen(pos);
+    for (const [colour, width] of [[colours.halo, 6], [colours.stopped, 3]]) {
+      view.context.beginPath();
+      for (const [dx, dy] of [[-7, -7], [-7, 7]]) {
+        view.context.moveTo(x + dx, y + dy);
+        view.context.lineTo(x - dx, y - dy);
+      }
+      stroke(view.context, colour, width);
+    }
+    label(view, kind, [x, y - 12], colours.stopped, colours.halo);
   }
 }
 

@@ -71,7 +71,16 @@ function hearPlanning(before, now) {
   const fresh = before?.action_id !== now.action_id;
   if (fresh && now.move_state === "moving") known.trail = [];
   known.longest = Math.max(fresh ? 0 : known.longest, now.remaining_distance);
-  if (fresh || before.move_state !== now.move_state) loadMoves();
+  const ended = fresh || before.move_state !== now.move_state;
+  if (ended) loadMoves();
+  if (ended || before.stuck_state !== now.stuck_state || before.message !== now.message) loadExplanation(now.action_id);
+}
+
+// Why the move failed, waits or is slow.
+async function loadExplanation(id) {
+  const { ok, answer } = id ? await ask("GET", `/chassis/moves/${id}/explain`).catch(() => ({})) : {};
+  known.explained = ok ? answer : null;
+  changed();
 }
 
 function extendTrail(pos) {

@@ -4,6 +4,7 @@ const LOOKS = { moving: "busy", succeeded: "good", failed: "bad", cancelled: "wa
 const STUCK = { move_stucked: "Blocked by an obstacle.", target_spin_stucked: "No room to turn to the heading." };
 const LOADS = { under_rack: "warn", carrying: "busy", docked: "good" };
 const TOAST = 8000; // ms
+const EXPLAINED = new Set(["failed", "waiting", "stuck", "slow"]);
 
 export const at = (id) => document.getElementById(id);
 export const show = (id, text) => { if (at(id).textContent !== text) at(id).textContent = text; };
@@ -36,7 +37,7 @@ export function showState(known) {
   if (alerts) fill("alerts", alerts.alerts.map(({ code, level, msg }) => row([`${code}: ${msg}`], level)));
 }
 
-function showMove({ planning, longest, moves }) {
+function showMove({ planning, longest, moves, explained }) {
   const moving = planning.move_state === "moving";
   badge("move-state", planning.move_state, LOOKS[planning.move_state]);
   show("move-id", planning.action_id ? `#${planning.action_id}` : "");
@@ -51,8 +52,18 @@ function showMove({ planning, longest, moves }) {
   show("move-note", note);
   dress("move-note", failed ? "" : "warn");
   hide("move-note", !note);
+  showExplanation(explained?.id === planning.action_id ? explained : null);
   at("cancel").disabled = at("pause").disabled = !moving;
   show("pause", planning.paused ? "Resume" : "Pause");
+}
+
+// The cause in words and what to do, where there is something to explain.
+function showExplanation(explained) {
+  const told = explained && EXPLAINED.has(explained.verdict);
+  show("move-why", told ? `${explained.cause}.` : "");
+  show("move-advice", told && explained.advice ? `To do: ${explained.advice}.` : "");
+  hide("move-why", !told);
+  hide("move-advice", !(told && explained.advice));
 }
 
 // Why a move does not go on, or an empty text.
