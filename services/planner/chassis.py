@@ -10,18 +10,9 @@ from rackhand.schemas.chassis import (
     ChassisCommand,
     ChassisModel,
     ChassisRequest,
-    ClearJackErrors,
     Contacts,
-    DetectRacks,
     Done,
-    FollowTarget,
-    JackRequest,
-    JackSelfCheck,
     Odometry,
-    RemoteTwist,
-    SetControlMode,
-    SetEmergencyStop,
-    SetPose,
 )
 from rackhand.schemas.explain import Evidence, ExplainMove, ExplainReply
 from rackhand.schemas.fail_reasons import MoveFailReason
@@ -44,6 +35,7 @@ from rackhand.services.planner.alerts import active_alerts
 from rackhand.services.planner.behaviors.base import Done as Succeeded
 from rackhand.services.planner.behaviors.base import Drive, Status
 from rackhand.services.planner.behaviors.running import RunningMove
+from rackhand.services.planner.chassis_requests import ChassisRequests
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.explainer import Explainer
 from rackhand.services.planner.geometry.se2 import STANDSTILL
@@ -56,7 +48,7 @@ from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
 from rackhand.services.planner.moves.explanations import ExplanationRecords, UnkeptExplanations
 from rackhand.services.planner.parameters import Basis, ParameterService, ParameterStore
-from rackhand.services.planner.perception.chassis_state import ChassisState, Followed
+from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.rack_reports import RackReports
 from rackhand.services.planner.reports import Publication, Reports, chassis_status, planning_state
 from rackhand.services.planner.settings import Limits
@@ -110,6 +102,7 @@ class Chassis:
         self._state = ChassisState()
         self._reports = Reports()
         self._racks = RackReports(self._reports)
+        self._requests = ChassisRequests(self._book, motion, self._modes, self._jack, self._state, self._racks)
         self._status, self._distance = Status(), 0.0
         self._commanded = STANDSTILL
         self._unix_ns: int | None = None
@@ -355,54 +348,12 @@ class Chassis:
         return reply
 
     def chassis(self, request: ChassisRequest) -> Done:
-        detail = ""
-        match request.request:
-            case SetControlMode(control_mode=mode):
-                self._modes.set_control_mode(mode)
-                if mode != "auto" and self._book.current is not None:
-                    self._end("cancelled", text=f"the control mode was set to {mode}; moves run in auto")
-            case SetEmergencyStop(enable=enable):
-                self._modes.stop(requested=enable)
-                if not enable and self._modes.stop_pressed:
-                    detail = "the emergency-stop button is still pressed"
-            case RemoteTwist(twist=twist):
-                if self._state.power_cable:
-                    raise RequestRefused(RefusalCode.PRECONDITION, "a power cable is plugged into the chassis")
-                self._modes.take_remote_twist(twist, self._stamp)
-            case FollowTarget() as target:
-                if self._book.current is None or self._book.current.type != "follow_target":
-                    raise RequestRefused(RefusalCode.PRECONDITION, "no follow_target move is running")
-                self._state.followed = Followed(self._stamp, target)
-            case JackRequest(direction=direction):
-                self._check_may_jack()
-                detail = self._jack.request(direction, self._state.jack)
-            case JackSelfCheck():
-                self._check_may_jack()
-                self._motion.load.check_nothing_above()
-                detail = self._jack.check(self._state.jack)
-            case ClearJackErrors():
-                detail = self._jack.clear()
-            case DetectRacks(enable=enable):
-                self._racks.searching = enable
-            case SetPose():
-                detail = self._set_pose()
+        detail = self._requests.answer(request.request, self._stamp)
+        mode = self._modes.control_mode
+        if mode != "auto" and self._book.current is not None:
+            self._end("cancelled", text=f"the control mode was set to {mode}; moves run in auto")
         self._report()
         return Done(detail=detail)
-
-    def _check_may_jack(self) -> None:
-        if self._book.current is not None:
-            raise RequestRefused(
-                RefusalCode.PRECONDITION,
-                f"move {self._book.current.id} is running; the jack moves only while no move runs",
-            )
-        if self._modes.emergency_stop:
-            raise RequestRefused(RefusalCode.PRECONDITION, "the emergency stop is on")
-
-    def _set_pose(self) -> str:
-        """Clients give a first guess after they set a map. The localiser of this version finds the pose by itself."""
-        if (trouble := self._state.pose_trouble()) is not None:
-            raise RequestRefused(RefusalCode.UNAVAILABLE, f"there is no localiser to set the pose of: {trouble}")
-        return "not needed: the localiser knows the pose"
 
     def _jacking(self) -> str | None:
         if self._jack.active is not None:

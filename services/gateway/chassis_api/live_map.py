@@ -26,7 +26,7 @@ class NoPassingZone(Body):
     closed for as long as it is in the list."""
 
     id: Name
-    polygon: Annotated[list[Corner], Field(min_length=3, max_length=1000)]
+    polygon: Annotated[list[Corner], Field(min_length=3, max_length=100)]
     time_rules: list[Any] | None = None
 
 
@@ -40,7 +40,7 @@ class TrafficInfo(Body):
     )
     version: int = 1
     map_uid: Name | None = None
-    no_passing_zones: list[NoPassingZone] = Field(default_factory=list, max_length=1000)
+    no_passing_zones: list[NoPassingZone] = Field(default_factory=list, max_length=100)
 
 
 class Changed(BaseModel):
