@@ -14,12 +14,13 @@ from rackhand.schemas.chassis import JackRequest, SetEmergencyStop
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.world import InjectFault, MoveObject, MoveRobot
 from rackhand.services.planner.load import LoadState
+from rackhand.testing.poses import distance
 from tests.joined import interrupts
 from tests.joined.chassis import JoinedChassis
 from tests.joined.interrupts import interrupt
 from tests.joined.racks import STROKE, hall_with_racks, put_under, rack_error, rack_point, unload
 from tests.joined.world import JoinedWorld
-from tests.system.judge import distance, standard
+from tests.system.driving import standard
 
 DOCK = (-3.0, 0.0)
 RACK_POINT, CHARGER_POINT = rack_point("a", 1.0, 0.0, 0.0), charger_point("c", *DOCK, 0.0)

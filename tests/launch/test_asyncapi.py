@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rackhand.schemas import topics
-from rackhand.schemas.base import Message
+from rackhand.schemas.base import Message, Pose2
 from rackhand.schemas.topics import QUERIES, TOPICS, Qos, Topic, websocket_topics
 from rackhand.schemas.websocket import WsTopic
 from rackhand.services.gateway.ws.broadcast import frame
@@ -97,6 +97,7 @@ def test_real_frames_fit_their_schemas_and_others_do_not() -> None:
         }
     )  # fmt: skip
     facts.lifts["lift_1"] = messages.lift()
+    facts.mappings.begin(Pose2(x=0.0, y=0.0, yaw=0.0), 0)
     for view in websocket_topics():
         value = PAYLOADS[view.TOPIC](facts)
         assert value is not None

@@ -19,7 +19,7 @@ export function draw(view, known, aim, colours) {
   const target = known.planning?.move_state === "moving" ? known.planning.target_poses[0] : null;
   if (target) drawTarget(view, target, colours.path, colours.halo);
   if (known.pose) drawRobot(view, known, colours);
-  if (known.explained?.id === known.planning?.action_id) drawThings(view, known.explained.things, colours);
+  if (known.explained && known.explained.id === known.planning?.action_id) drawThings(view, known.explained.things, colours);
   known.route.draw(view, colours);
   if (aim) drawTarget(view, aim, colours.aim, colours.halo);
   drawScale(view, height, colours);

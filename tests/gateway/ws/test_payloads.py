@@ -58,6 +58,7 @@ def test_every_frame_is_registered_under_the_topic_of_its_model() -> None:
         (topics.SCAN, messages.scan()),
     ):
         facts.add(topic, message)
+    facts.lifts["lift_1"] = messages.lift()
     facts.mappings.begin(Pose2(x=0.0, y=0.0, yaw=0.0), 0)
     made = {name: make(facts) for name, make in PAYLOADS.items()}
     assert {name: frame.TOPIC for name, frame in made.items() if frame is not None} == {name: name for name in made}
