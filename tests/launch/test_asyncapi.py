@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from rackhand.schemas import topics
 from rackhand.schemas.base import Message, Pose2
+from rackhand.schemas.chassis import Contacts
 from rackhand.schemas.topics import QUERIES, TOPICS, Qos, Topic, websocket_topics
 from rackhand.schemas.websocket import WsTopic
 from rackhand.services.gateway.ws.broadcast import frame
@@ -96,6 +97,7 @@ def test_real_frames_fit_their_schemas_and_others_do_not() -> None:
             topics.MAP_RACK_STATES: messages.rack_states(), topics.SEEN_RACKS: messages.seen_racks(),
         }
     )  # fmt: skip
+    facts.add(topics.CONTACTS, Contacts(stamp=1, bumper_front=True))
     facts.lifts["lift_1"] = messages.lift()
     facts.mappings.begin(Pose2(x=0.0, y=0.0, yaw=0.0), 0)
     for view in websocket_topics():
