@@ -20,6 +20,7 @@ from tests.system.station import Station, pick_station
 from tests.system.transports import TRANSPORTS, Client, Http, Json, Transport, ask
 
 HOME = ARM.home.tolist()
+FAR = np.array([1.0, 0, 0, 1.0, 1.0, 1.0])  # rad from there, clear of the station
 PATH: Json = {"command": "appendPath", "priority": 10, "type": "joints", "data": [HOME]}
 REFUSED = {"code": 403, "detail": 0}
 
@@ -140,7 +141,7 @@ def test_8_a_lock_runs_out(station: Station, a: Client, b: Client) -> None:
 
 
 def test_8_what_moves_when_a_lock_runs_out_comes_to_rest(station: Station, a: Client, b: Client) -> None:
-    goal = ARM.home + 1.0
+    goal = ARM.home + FAR
     assert ask(a, command="lockControl", priority=10, keepAlive=0.5)["message"] is True
     assert ask(a, **{**PATH, "data": [goal.tolist()]})["message"] == OK
     begun = station.advance(0.48)
@@ -173,7 +174,7 @@ def test_10_silence_ends_a_velocity(station: Station, a: Client) -> None:
 def test_a_client_that_leaves_lets_go(station: Station, way: Transport, b: Client) -> None:
     """HTTP has no connection that could end: there the lock runs out."""
     with way.client() as leaving:
-        assert ask(leaving, **{**PATH, "data": [(ARM.home + 1.0).tolist()]})["message"] == OK
+        assert ask(leaving, **{**PATH, "data": [(ARM.home + FAR).tolist()]})["message"] == OK
         station.advance(0.5)
     if not way.connected:
         assert ask(b, command="getStatus")["message"]["priorityUnderControl"] == 10
