@@ -93,7 +93,9 @@ class Robot:
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
-    cell = Cell(tmp_path_factory.mktemp("cell"), "--no-sim", "--robot", "amr1", world="empty", lockstep=False)
+    cell = Cell(
+        tmp_path_factory.mktemp("cell"), "--no-sim", "--robot", "amr1", world="empty", lockstep=False, crf=False
+    )
     cell.start()
     try:
         robot = Robot(cell)

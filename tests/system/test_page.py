@@ -192,7 +192,7 @@ def test_a_fault_is_caused_shown_and_cleared(watched: Watched) -> None:
     expect(page.locator("#stopped")).to_be_hidden()
     page.locator("#fault").select_option("person_standing")
     page.locator("#fault-cause").click()
-    click_on_map(page, NEAR)
+    click_on_map(page, FAR)
     expect(page.locator("#fault-list li")).to_contain_text("person_standing_1")
     page.locator("#fault-list button").click()
     expect(page.locator("#fault-list li")).to_have_count(0)

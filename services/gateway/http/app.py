@@ -40,6 +40,23 @@ are ignored, except by `/robot-params` and `/system/settings`. Where several rob
 `/robots/{name}`; the paths without this prefix are those of the default robot.
 """
 
+# In the order in which the documentation shows them.
+TAGS = (
+    "moves", "chassis", "services", "maps", "device", "settings", "motion", "world", "health",
+    "not on this chassis",
+)  # fmt: skip
+    "moves",
+    "chassis",
+    "services",
+    "maps",
+    "device",
+    "settings",
+    "motion",
+    "world",
+    "health",
+    "not on this chassis",
+)
+
 
 def create_app(fleet: Fleet, bus: BusClient, settings: Settings | None = None) -> FastAPI:
     """The application. Messages of the bus go to ``fleet``, in the server's event loop.
@@ -56,6 +73,7 @@ def create_app(fleet: Fleet, bus: BusClient, settings: Settings | None = None) -
         docs_url=None,  # it would load Swagger UI from elsewhere; docs.py does not
         redoc_url=None,
         strict_content_type=False,
+        openapi_tags=[{"name": name} for name in TAGS],
         generate_unique_id_function=_operation_id,
     )
     app.state.shared = Shared(settings, fleet, bus, MotionHub(settings.arms))
