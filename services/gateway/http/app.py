@@ -42,9 +42,6 @@ are ignored, except by `/robot-params` and `/system/settings`. Where several rob
 
 # In the order in which the documentation shows them.
 TAGS = (
-    "moves", "chassis", "services", "maps", "device", "settings", "motion", "world", "health",
-    "not on this chassis",
-)  # fmt: skip
     "moves",
     "chassis",
     "services",
