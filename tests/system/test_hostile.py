@@ -198,6 +198,7 @@ class Run:
         return [(state.stamp, state.q, state.dq, state.efforts) for state in self.states]
 
 
+@pytest.mark.alone
 def test_in_a_flood_the_arm_moves_to_the_bit_as_without_and_a_stop_acts_within_two_cycles(station: Station) -> None:
     before = pids(station)
     alone = Run(station)
@@ -225,6 +226,7 @@ def test_in_a_flood_the_arm_moves_to_the_bit_as_without_and_a_stop_acts_within_t
     assert pids(station) == before
 
 
+@pytest.mark.alone
 def test_running_free_a_stop_passes_a_flood(tmp_path: Path) -> None:
     """How many ticks come late with and without a flood depends on the machine: it is printed, and asserted is only
     that the loop lives and a stop ends the motion."""
