@@ -74,7 +74,7 @@ def work(driver: Driver) -> int:
     status = driver.request("GET", "/motion/arm1/status")
     start = status["jointPositions"]["value"]
     command_arm(driver, command="lockControl", keepAlive=60.0)
-    command_arm(driver, command="appendPath", type="joints", data=6 * [[q + 0.4 for q in start], start])
+    command_arm(driver, command="appendPath", type="joints", data=12 * [[q + 0.4 for q in start], start])
     return move
 
 

@@ -42,7 +42,8 @@ def kept_poses(points: Sequence[Placement], resolution: Resolution) -> list[int]
 
 def kept(points: Array) -> list[int]:
     """Rows of ``points`` (k, d) such that every other one is within 1 of the segment between the kept ones about it
-    (Ramer 1972; Douglas and Peucker 1973)."""
+    (Ramer 1972; Douglas and Peucker 1973), and lies on it in their order: a path that goes back and forth on one line
+    keeps its turning points."""
     needed = {0, len(points) - 1}
     open_ends = [(0, len(points) - 1)]
     while open_ends:
@@ -59,8 +60,11 @@ def kept(points: Array) -> list[int]:
 
 
 def _off_segment(points: Array, a: Array, b: Array) -> Array:
-    """Distance (m,) of ``points`` (m, d) to the segment from ``a`` to ``b``."""
+    """Distance (m,) of ``points`` (m, d) to the segment from ``a`` to ``b``, or how far one lies on it before a point
+    that comes earlier, whichever is more."""
     along = b - a
     length = float(along @ along)
     share = np.clip((points - a) @ along / length, 0.0, 1.0) if length > 0 else np.zeros(len(points))
-    return np.asarray(np.linalg.norm(points - a - share[:, None] * along, axis=1))
+    aside = np.linalg.norm(points - a - share[:, None] * along, axis=1)
+    back = (np.maximum.accumulate(share) - share) * np.sqrt(length)
+    return np.asarray(np.maximum(aside, back))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rackhand.services.controller.trajectory.geometry import rotation_exp
 from rackhand.services.controller.trajectory.model import TcpPose
-from rackhand.services.controller.trajectory.simplify import Resolution, kept, kept_poses
+from rackhand.services.controller.trajectory.simplify import Resolution, kept, kept_joints, kept_poses
 
 RESOLUTION = Resolution()
 
@@ -41,3 +41,9 @@ def test_points_of_one_turn_about_a_fixed_axis_are_few_and_others_are_kept(angle
     assert len(kept_poses(turn, RESOLUTION)) < 3 + 20 * angle
     bent = [*turn[:25], TcpPose(here, turn[25].rotation @ rotation_exp(np.array([5e-3, 0, 0]))), *turn[26:]]
     assert 25 in kept_poses(bent, RESOLUTION)
+
+
+def test_a_path_that_goes_back_and_forth_on_one_line_keeps_its_turning_points() -> None:
+    there, back = np.full(6, 0.4), np.zeros(6)
+    assert kept_joints(np.array(3 * [back, there]), Resolution()) == [0, 1, 2, 3, 4, 5]
+    assert kept_joints(np.array([back, there, back, there, 2 * there]), Resolution()) == [0, 1, 2, 4]
