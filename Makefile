@@ -24,6 +24,7 @@ demo: $(VENV)/.run
 	@exec $(BIN)/rackhand demo $(ARGS)
 
 # What needs no processes is tested first. Cells are several processes each that mostly wait for each other: two at a time.
+# Tests that flood a cell have the machine to themselves.
 test: $(VENV)/.dev
 ifeq ($(strip $(ARGS)),)
 	@$(BIN)/pytest -m "not system" --numprocesses logical

@@ -36,6 +36,12 @@ class Geometry(NamedTuple):
     def centre(self, row: int, column: int) -> tuple[float, float]:
         return self.x + (column + 0.5) * self.resolution, self.y + (row + 0.5) * self.resolution
 
+    def window(self, low: tuple[float, float], high: tuple[float, float]) -> tuple[slice, slice]:
+        """Rows and columns of the cells between two corners, in metres; empty beside the grid."""
+        (r0, c0), (r1, c1) = self.cell(*low), self.cell(*high)
+        rows = slice(min(max(r0, 0), self.rows), min(max(r1 + 1, 0), self.rows))
+        return rows, slice(min(max(c0, 0), self.columns), min(max(c1 + 1, 0), self.columns))
+
     def centres(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Centres of the cells with these flat indices, (n, 2)."""
         rows, columns = np.divmod(cells, self.columns)
@@ -60,12 +66,10 @@ def _window(
     g: Geometry, low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Flat indices of all cells between two corners, and their centres (n, 2)."""
-    (r0, c0), (r1, c1) = g.cell(low[0], low[1]), g.cell(high[0], high[1])
-    rows, columns = np.meshgrid(
-        np.arange(max(r0, 0), min(r1 + 1, g.rows)), np.arange(max(c0, 0), min(c1 + 1, g.columns)), indexing="ij"
-    )
-    x, y = g.x + (columns.ravel() + 0.5) * g.resolution, g.y + (rows.ravel() + 0.5) * g.resolution
-    return (rows * g.columns + columns).ravel(), np.column_stack([x, y])
+    along_y, along_x = g.window((low[0], low[1]), (high[0], high[1]))
+    rows, columns = np.mgrid[along_y, along_x]
+    cells: NDArray[np.int64] = (rows * g.columns + columns).ravel()
+    return cells, g.centres(cells)
 
 
 def _index(cells: float) -> int:

@@ -161,10 +161,7 @@ def clip(geometry: Geometry, start: Points, end: Points) -> tuple[Points, Points
 def _inside(geometry: Geometry, zone: Zone) -> tuple[tuple[slice, slice], Mask]:
     """The window of rows and columns about a zone, and which of its cells have their centre inside."""
     corners = np.vstack(zone.rings)
-    r0, c0 = geometry.cell(*corners.min(axis=0).tolist())
-    r1, c1 = geometry.cell(*corners.max(axis=0).tolist())
-    rows = slice(min(max(r0, 0), geometry.rows), min(max(r1 + 1, 0), geometry.rows))
-    columns = slice(min(max(c0, 0), geometry.columns), min(max(c1 + 1, 0), geometry.columns))
+    rows, columns = geometry.window(corners.min(axis=0).tolist(), corners.max(axis=0).tolist())
     x = geometry.x + (np.arange(columns.start, columns.stop) + 0.5) * geometry.resolution
     y = geometry.y + (np.arange(rows.start, rows.stop) + 0.5) * geometry.resolution
     return (rows, columns), inside(zone.rings, x, y)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,10 @@ from rackhand.schemas.explain import Thing, ThingKind
 from rackhand.schemas.maps import LineType, RegionType
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.cells import Geometry
-from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.geometry.footprint import Footprint, expanded
 from rackhand.services.planner.geometry.polygon import inside_convex
 from rackhand.services.planner.geometry.se2 import Pose
-from rackhand.services.planner.map.grid import Mask, StaticMap
+from rackhand.services.planner.map.grid import StaticMap
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 
 Array = NDArray[np.float64]
@@ -34,7 +35,7 @@ def kind_at(costmap: LocalCostmap, x: float, y: float) -> tuple[ThingKind, str]:
         return mapped
     margin = costmap.static.geometry.resolution
     for rack in costmap.racks.blocking:
-        if inside_convex(_grown(rack.outline, margin), point)[0]:
+        if inside_convex(expanded(rack.outline, margin), point)[0]:
             return "rack", f"{rack.spec.width:.2f} m wide, {rack.spec.depth:.2f} m deep"
     return "observed obstacle", ""
 
@@ -66,16 +67,14 @@ def thing_at(costmap: LocalCostmap, x: float, y: float) -> Thing:
 
 def mapped_at(costmap: LocalCostmap, footprint: Footprint, pose: Pose, needed: float = 0.0) -> Thing | None:
     """What the map has nearest to the footprint at a pose; None where it has nothing near."""
-    g = costmap.static.geometry
-    rows, columns = _window(g, pose, footprint.circumscribed + NEAR)
-    return _nearest(costmap, footprint, pose, _cells(costmap.static.blocked[rows, columns], g, rows, columns), needed)
+    cells = _cells_around(costmap.static.blocked, True, costmap.static.geometry, pose, footprint.circumscribed + NEAR)
+    return _nearest(costmap, footprint, pose, cells, needed)
 
 
 def nearest_at(costmap: LocalCostmap, footprint: Footprint, pose: Pose, needed: float = 0.0) -> Thing | None:
     """What stands or moves nearest to the footprint at a pose near the chassis; None where nothing is near."""
-    g = costmap.near.geometry
-    rows, columns = _window(g, pose, footprint.circumscribed + NEAR)
-    standing = _cells(costmap.near.distance[rows, columns] == 0.0, g, rows, columns)
+    near = costmap.near
+    standing = _cells_around(near.distance, 0.0, near.geometry, pose, footprint.circumscribed + NEAR)
     nearest = _nearest(costmap, footprint, pose, standing, needed)
     for mover in costmap.movers.moving:
         clearance = float(_to_body(footprint, pose, mover.position[None])[0]) - mover.radius
@@ -101,14 +100,13 @@ def on_path(costmap: LocalCostmap, footprint: Footprint, path: Array, needed: fl
 def beside_turn(costmap: LocalCostmap, footprint: Footprint, pose: Pose) -> Thing | None:
     """What stands inside the circle that the footprint sweeps in a turn on the spot, the nearest to its middle; the
     clearance is to that circle. None where the circle is free."""
-    g = costmap.near.geometry
-    rows, columns = _window(g, pose, footprint.circumscribed)
-    cells = _cells(costmap.near.distance[rows, columns] == 0.0, g, rows, columns)
+    near = costmap.near
+    cells = _cells_around(near.distance, 0.0, near.geometry, pose, footprint.circumscribed)
     if not len(cells):
         return None
     away = np.hypot(*(cells - pose[:2]).T)
     k = int(away.argmin())
-    clearance = float(away[k]) - 0.5 * g.resolution - footprint.circumscribed
+    clearance = float(away[k]) - 0.5 * near.geometry.resolution - footprint.circumscribed
     if clearance >= 0.0:
         return None
     return _thing(*kind_at(costmap, *cells[k].tolist()), cells[k], clearance, 0.0, pose)
@@ -151,17 +149,11 @@ def _to_body(footprint: Footprint, pose: Pose, points: Array) -> Array:
     return distances
 
 
-def _window(g: Geometry, pose: Pose, reach: float) -> tuple[slice, slice]:
-    (r0, c0), (r1, c1) = g.cell(pose[0] - reach, pose[1] - reach), g.cell(pose[0] + reach, pose[1] + reach)
-    rows = slice(min(max(r0, 0), g.rows), min(max(r1 + 1, 0), g.rows))
-    return rows, slice(min(max(c0, 0), g.columns), min(max(c1 + 1, 0), g.columns))
-
-
-def _cells(blocked: Mask, g: Geometry, rows: slice, columns: slice) -> Array:
-    """Centres of the blocked cells of a window, (n, 2)."""
-    found_rows, found_columns = np.nonzero(blocked)
-    x = g.x + (found_columns + columns.start + 0.5) * g.resolution
-    return np.column_stack([x, g.y + (found_rows + rows.start + 0.5) * g.resolution])
+def _cells_around(field: NDArray[Any], blocked: float, g: Geometry, pose: Pose, reach: float) -> Array:
+    """Centres of the cells in a square about a pose in which the field has the value ``blocked``, (n, 2)."""
+    rows, columns = g.window((pose[0] - reach, pose[1] - reach), (pose[0] + reach, pose[1] + reach))
+    found_rows, found_columns = np.nonzero(field[rows, columns] == blocked)
+    return g.centres((found_rows + rows.start) * g.columns + found_columns + columns.start)
 
 
 def _beside(line: Array, x: float, y: float, reach: float) -> bool:
@@ -171,11 +163,3 @@ def _beside(line: Array, x: float, y: float, reach: float) -> bool:
     squared = np.maximum((way * way).sum(axis=1), 1e-12)
     share = np.clip((to_point * way).sum(axis=1) / squared, 0.0, 1.0)
     return bool((np.hypot(*(to_point - share[:, None] * way).T) <= reach).any())
-
-
-def _grown(polygon: Array, margin: float) -> Array:
-    """A convex polygon about its middle, its corners moved outward by ``margin``."""
-    middle = polygon.mean(axis=0)
-    out = polygon - middle
-    grown: Array = polygon + margin * out / np.maximum(np.hypot(*out.T), 1e-9)[:, None]
-    return grown

@@ -45,7 +45,8 @@ def bottleneck(
     that leave the surroundings of start and goal are not looked at. None where the disc has a way, where a place is off
     the map or has no room itself, or where there are too many cells.
     """
-    window = _window(g, start, goal)
+    low, high = np.minimum(start, goal) - AROUND, np.maximum(start, goal) + AROUND
+    window = g.window((low[0], low[1]), (high[0], high[1]))
     part = Geometry(
         g.x + window[1].start * g.resolution,
         g.y + window[0].start * g.resolution,
@@ -117,10 +118,3 @@ def _labels(room: Field, radius: float) -> Labels:
     """The parts of the space in which a disc can be, by number; 0 where it cannot."""
     labels: Labels = ndimage.label(room >= radius, structure=np.ones((3, 3)))[0]
     return labels
-
-
-def _window(g: Geometry, start: tuple[float, float], goal: tuple[float, float]) -> tuple[slice, slice]:
-    low = g.cell(min(start[0], goal[0]) - AROUND, min(start[1], goal[1]) - AROUND)
-    high = g.cell(max(start[0], goal[0]) + AROUND, max(start[1], goal[1]) + AROUND)
-    rows = slice(min(max(low[0], 0), g.rows - 1), max(min(high[0] + 1, g.rows), 1))
-    return rows, slice(min(max(low[1], 0), g.columns - 1), max(min(high[1] + 1, g.columns), 1))

@@ -39,3 +39,13 @@ def test_cells_in_a_polygon_and_near_a_point_are_those_whose_centres_are() -> No
     assert [g.cell(*centre) for centre in centres] == [divmod(cell, g.columns) for cell in cells.tolist()]
     assert len(cells_near(g, np.array([-0.3, 2.7]), 0.1)) == 4
     assert len(cells_in(g, square - (0.7, 0.0))) == 8, "cells beyond the edge of the grid are left out"
+
+
+def test_a_window_holds_the_cells_between_two_corners_and_is_empty_beside_the_grid() -> None:
+    rows, columns = GRID.window((-2.98, 2.02), (-2.88, 2.07))
+    assert (rows, columns) == (slice(0, 2), slice(0, 3))
+    rows, columns = GRID.window((-100.0, -100.0), (100.0, 100.0))
+    assert (rows, columns) == (slice(0, 40), slice(0, 60))
+    for low, high in (((5.0, 2.5), (6.0, 3.0)), ((-9.0, -9.0), (-8.0, -8.0))):
+        rows, columns = GRID.window(low, high)
+        assert np.zeros((GRID.rows, GRID.columns))[rows, columns].size == 0
