@@ -13,6 +13,7 @@ from rackhand.schemas.chassis import (
     Contacts,
     Done,
     Odometry,
+    SetControlMode,
 )
 from rackhand.schemas.explain import Evidence, ExplainMove, ExplainReply
 from rackhand.schemas.fail_reasons import MoveFailReason
@@ -349,9 +350,9 @@ class Chassis:
 
     def chassis(self, request: ChassisRequest) -> Done:
         detail = self._requests.answer(request.request, self._stamp)
-        mode = self._modes.control_mode
-        if mode != "auto" and self._book.current is not None:
-            self._end("cancelled", text=f"the control mode was set to {mode}; moves run in auto")
+        match request.request:
+            case SetControlMode(control_mode=mode) if mode != "auto" and self._book.current is not None:
+                self._end("cancelled", text=f"the control mode was set to {mode}; moves run in auto")
         self._report()
         return Done(detail=detail)
 

@@ -212,6 +212,15 @@ def test_outside_auto_a_move_is_accepted_and_cancelled_with_the_reason(cell: Cel
     assert cell.planning().message == cell.heard(topics.MOVE_EVENT)[-1].text == text
 
 
+def test_only_a_change_of_the_mode_is_a_reason_of_its_own(cell: Cell) -> None:
+    cell.ask(SetControlMode(control_mode="remote"))
+    move = cell.create()
+    cell.ask(SetEmergencyStop(enable=False))
+    assert cell.get(move.id).state == "moving"
+    cell.tick()
+    assert cell.get(move.id).fail_message == "moves run in control mode auto, not remote"
+
+
 def test_remote_driving_is_limited_and_dies(cell: Cell) -> None:
     cell.ask(SetControlMode(control_mode="remote"))
     cell.ask(remote(5.0, -9.0))
