@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import mujoco
@@ -44,6 +44,7 @@ class FaultInjector:
         self._before: dict[tuple[str, str], Any] = {}
         """Fault and target → what was so before, for faults that are cleared by setting that again."""
         self._active: list[ActiveFault] = []
+        self._own_things = _without_parts(owner(geom) for geom in range(model.ngeom))
         self._targets = {
             "chassis": self._on_chassis,
             "rack": self._on_rack,
@@ -60,11 +61,11 @@ class FaultInjector:
             "rack": self._world.racks,
             "lift": self._things.lifts,
             "charger": self._world.chargers,
-            "thing": {self._owner(geom): None for geom in range(self._model.ngeom)},
+            "thing": self._known_things(),
         }
         return FaultState(
             active=tuple(self._active),
-            targets={kind: tuple(name for name in named if "/" not in name) for kind, named in names.items()},
+            targets={kind: tuple(named) for kind, named in names.items()},
         )
 
     def inject(self, fault: InjectFault, stamp: int) -> None:
@@ -164,8 +165,7 @@ class FaultInjector:
     def _on_thing(self, _kind: FaultKind, fault: InjectFault, _amount: float, _stamp: int) -> None:
         geoms = self._geoms(fault.target)
         if not geoms:
-            known = {self._owner(geom) for geom in range(self._model.ngeom)}
-            raise unknown("thing", fault.target, sorted(name for name in known if "/" not in name))
+            raise unknown("thing", fault.target, sorted(self._known_things()))
         seen, unseen = (VISIBLE_GROUP, RUNNING_GEAR_GROUP)
         before, after = (seen, unseen) if fault.active else (unseen, seen)
         hidden = [geom for geom in geoms if self._model.geom_group[geom] == before]
@@ -189,6 +189,9 @@ class FaultInjector:
             self._active.append(ActiveFault(fault=fault.fault, target=fault.target, part=fault.part))
 
     # -- what was so before ------------------------------------------------------------------------------------------
+
+    def _known_things(self) -> tuple[str, ...]:
+        return (*self._own_things, *self._things.obstacles.placed)
 
     def _geoms(self, name: str) -> list[int]:
         return [geom for geom in range(self._model.ngeom) if self._owner(geom) == name]
@@ -221,6 +224,11 @@ def _pose(pose: PoseTuple) -> Pose2:
 def _carried(frame: PoseTuple, shift: PoseTuple, pose: PoseTuple) -> PoseTuple:
     """A pose in the map that moves with a frame that is shifted in itself."""
     return planar.compose(planar.compose(frame, shift), planar.between(frame, pose))
+
+
+def _without_parts(names: Iterable[str]) -> tuple[str, ...]:
+    """Each once, and none of a part of something."""
+    return tuple(dict.fromkeys(name for name in names if "/" not in name))
 
 
 def _invalid(text: str) -> RequestRefused:
