@@ -19,14 +19,23 @@ export class Arm {
     show("arm-name", name);
     hide("arm", false);
     at("arm-stop").addEventListener("click", () => this.send(this.stopped ? { command: "resumeControl", priority: PRIORITY } : { command: "softStop" }));
-    at("arm-grip").addEventListener("click", () => this.send({ command: "setGripper", priority: PRIORITY, suction: !this.suction }, true));
+    at("arm-grip").addEventListener("click", () => this.grip());
     for (const type of ["pointerup", "pointercancel", "blur"]) addEventListener(type, () => this.release());
     document.addEventListener("visibilitychange", () => this.release());
   }
 
-  send(request, thenUnlock = false) {
+  send(request) {
     this.wire.send({ ...request, client: "gateway page", id: request.command });
-    if (thenUnlock) this.wire.send({ command: "unlockControl", priority: PRIORITY, client: "gateway page" });
+  }
+
+  // Whoever waits for control has it; no answer of this is looked at.
+  unlock() {
+    this.wire.send({ command: "unlockControl", priority: PRIORITY, client: "gateway page" });
+  }
+
+  grip() {
+    this.send({ command: "setGripper", priority: PRIORITY, suction: !this.suction });
+    this.unlock();
   }
 
   link(up) {
@@ -97,13 +106,13 @@ export class Arm {
     this.move(joint, sign * JOG);
   }
 
-  // The arm brakes at once, and whoever waits for control has it.
+  // The arm brakes at once.
   release() {
     if (this.jog === null) return;
     clearInterval(this.jog);
     this.jog = null;
     this.move(0, 0);
-    this.wire.send({ command: "unlockControl", priority: PRIORITY, client: "gateway page" });
+    this.unlock();
   }
 
   move(joint, speed) {
