@@ -31,6 +31,8 @@ def started(server: Gateway) -> Gateway:
     server.publish(topics.POSE, messages.pose())
     server.publish(topics.LOAD, messages.load("under_rack"))
     server.publish(topics.CHASSIS_STATUS, messages.status())
+    server.publish(topics.PLANNING_STATE, messages.planning())
+    server.publish(topics.MAP, messages.current_map())
     return server
 
 
