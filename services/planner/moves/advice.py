@@ -12,7 +12,7 @@ _ADVICE: dict[Reason, str] = {
     Reason.ENDING_POINT_NOT_IN_GROUND: "choose a target with more room, or correct the map or its overlays there",
     Reason.STARTING_EQUAL_ENDING: "give target_ori, or another target",
     Reason.CALCULATION_FAILED: "open the place that is too narrow, or correct the map or its overlays there",
-    Reason.CALCULATION_TIMEOUT: "choose a nearer target, or a map with larger cells",
+    Reason.CALCULATION_TIMEOUT: "raise the setting planning.search_limit, or choose a nearer target",
     Reason.NO_GLOBAL_PATH: "widen the place where the footprint cannot turn, or choose another target",
     Reason.PLANNING_TIMEOUT: "remove what blocks the way, then post the move again",
     Reason.MOVE_TIMEOUT: "remove what blocks the way, then post the move again; if nothing does, check the wheels",
