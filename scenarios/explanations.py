@@ -29,7 +29,7 @@ def unexplained(expected: Explained, state: str, found: Json) -> Iterator[str]:
         if name not in measures:
             yield f"explain measures {sorted(measures) or 'nothing'}; expected {name!r}"
         elif not _misses(measures[name]):
-            yield f"explain: {name} is {measures[name]["value"]:g}, which is within what was expected"
+            yield f"explain: {name} is {measures[name]['value']:g}, which is within what was expected"
     for one in found["things"]:
         if one["clearance"] is not None and one["needed"] is not None and one["clearance"] >= one["needed"] + SAME:
             yield f"explain: {_shown([one])} has the clearance {one['clearance']:g} m, and needs {one['needed']:g} m"

@@ -47,6 +47,8 @@ _ADVICE: dict[Reason, str] = {
     Reason.INTERNAL_ERROR: "report it with the planner's log",
     Reason.MAP_CHANGED: "post the move again on the map in use",
     Reason.MOVE_ACTION_TYPE_DEPRECATED: "use another move type",
+    Reason.ENDING_POINT_NOT_SPECIFIED: "give target_x and target_y, a place in the lift",
+    Reason.CONFIGURATION_ERROR: "choose a place in a lift of the map (a polygon of regionType 3), or draw the lift",
     Reason.ELEVATOR_CLOSED: "call the lift and wait for its door",
     Reason.ELEVATOR_POINT_OCCUPIED: "clear the lift's cabin",
     Reason.ELEVATOR_POINT_OBSCURED_TIMEOUT: "clear the view into the lift's cabin",
