@@ -52,11 +52,18 @@ def main() -> None:
     some.add_argument("--data", type=Path, help="barn: file of the worlds (those of the repository if none is named)")
     some.add_argument("--worlds", type=int, help="barn: drive so many of them, evenly spread (all if none is named)")
     some.add_argument("--count", type=int, help="encounters: so many of them, from the first on (200 if none is named)")
-    some.add_argument("--minutes", type=int, help="random_goals: so many of simulation (120 if none is named)")
+    some.add_argument(
+        "--minutes", type=int, help="random_goals, rack_hour: so many of simulation (120, 60 if none is named)"
+    )
+    some.add_argument(
+        "--variant",
+        choices=("undisturbed", "interrupted", "people"),
+        help="rack_hour: this one only (each if none is named)",
+    )
     some.add_argument(
         "--results",
         type=Path,
-        help="barn, encounters, random_goals: file from which a run goes on (NAME-results.jsonl)",
+        help="barn, encounters, random_goals, rack_hour: file from which a run goes on (NAME-results.jsonl)",
     )
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - set(NAMES):

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.progress import track
 
+from benchmarks.progress import say, track
 from benchmarks.report import Report, median
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.moves import Move
@@ -99,7 +99,7 @@ def trip(seed: int) -> Trip:
         result.contacts = world.inspect().contact_count
     for move in result.moves:
         if move.state != "succeeded":
-            print(f"seed {seed}: {move.type} {move.state} {move.fail_reason}: {move.fail_message}")
+            say(f"seed {seed}: {move.type} {move.state} {move.fail_reason}: {move.fail_message}")
     return result
 
 

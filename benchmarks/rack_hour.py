@@ -1,17 +1,24 @@
-"""An hour of rack jobs at random, undisturbed and with whatever a client or an operator may do in between."""
+"""An hour of rack jobs at random, undisturbed and with whatever a client or an operator may do in between.
+
+    python -m benchmarks rack_hour --variant interrupted --minutes 20
+
+Each job is a line on standard error. Each 20 minutes are a world with a seed of their own, so that a run goes on where
+it was stopped and any of them can be repeated alone; a run that is stopped prints the table of what it has done.
+"""
 
 from __future__ import annotations
 
+import json
 import math
 import random
 import tempfile
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from benchmarks.progress import update
+from benchmarks.progress import say, update
 from benchmarks.rack_jobs import OFF, TURNED, forbidden
 from benchmarks.report import Report
 from rackhand.schemas import topics
@@ -29,7 +36,7 @@ from rackhand.worlds.world_model import World, load_world
 from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
 
-HOUR = 3600.0
+MINUTES, PART = 60, 20  # minutes of simulation: of a variant, and of one world
 STEP = 0.2  # s between two looks of the client
 BETWEEN = 25.0  # s on average between two interruptions
 HELD = 3.0  # s of an emergency stop or of remote mode
@@ -39,78 +46,137 @@ ASIDE = (5.5, 7.5)  # where a replacing move goes
 AT_POINT = (0.04, math.radians(1.5))  # of a rack that was put down, off its point
 
 Interruption = Literal["cancel", "replace", "emergency stop", "remote mode", "planner restarted"]
-VARIANTS = (("undisturbed", False, False), ("interrupted", True, False), ("interrupted, a person walks", True, True))
 INTERRUPTIONS: tuple[Interruption, ...] = ("cancel", "replace", "emergency stop", "remote mode", "planner restarted")
+VARIANTS = {"undisturbed": (False, False), "interrupted": (True, False), "people": (True, True)}
+# by name: whether clients and operators interrupt, whether a person walks
 
 
 @dataclass
 class Tally:
-    """What happened. ``ends``: of moves, by state and reason; ``unexplained``: ends without a reason or a text."""
+    """What happened in ``seconds``. ``ends``: of moves, by state and reason; ``unexplained``: ends without a reason or
+    a text; ``misplaced``: racks and rack points that are not as the API says, as first seen; ``touched``: contacts."""
 
+    seconds: float = 0.0
     jobs: int = 0
     given_up: list[str] = field(default_factory=list)
     ends: Counter[str] = field(default_factory=Counter)
     unexplained: list[str] = field(default_factory=list)
     interruptions: Counter[str] = field(default_factory=Counter)
-    misplaced: list[str] = field(default_factory=list)
+    misplaced: dict[str, str] = field(default_factory=dict)
     touched: list[str] = field(default_factory=list)
+
+    def faults(self) -> list[str]:
+        return [*self.given_up, *self.unexplained, *self.misplaced.values(), *self.touched]
+
+
+@dataclass(frozen=True)
+class Options:
+    """``minutes`` of simulation for the named ``variant``, or for each. ``results``: the file that is written after
+    each world and from which a run goes on."""
+
+    variant: str = ""
+    minutes: int = MINUTES
+    results: Path = Path("rack-hour-results.jsonl")
 
 
 class _GivenUp(Exception):
     """A step of a job did not succeed in ``TRIES`` tries."""
 
 
-def run(seconds: float = HOUR) -> Report:
-    rows = [_row(name, drive(seconds, seed, *how)) for seed, (name, *how) in enumerate(VARIANTS)]
+def run(options: Options | None = None) -> Report:
+    chosen = options or Options()
+    done = read(chosen.results)
+    variants = [chosen.variant] if chosen.variant else list(VARIANTS)
+    numbers = range(math.ceil(chosen.minutes / PART))
+    try:
+        for variant, number in [(v, n) for v in variants for n in numbers if (v, n) not in done]:
+            done[variant, number] = Tally()
+            drive(variant, number, done[variant, number])
+            with chosen.results.open("a") as file:
+                file.write(json.dumps({"variant": variant, "number": number, **asdict(done[variant, number])}) + "\n")
+    except KeyboardInterrupt:
+        say("stopped: the table is of what was done, the world that was stopped included")
+    return report({v: [done[v, n] for n in numbers if (v, n) in done] for v in variants})
+
+
+def read(file: Path) -> dict[tuple[str, int], Tally]:
+    """What was done before, by variant and number."""
+    rows = [json.loads(line) for line in (file.read_text().splitlines() if file.exists() else []) if line]
+    return {(row.pop("variant"), row.pop("number")): _tally(row) for row in rows}
+
+
+def _tally(row: dict[str, Any]) -> Tally:
+    return Tally(**row | {name: Counter(row[name]) for name in ("ends", "interruptions")})
+
+
+def report(done: dict[str, list[Tally]]) -> Report:
     return Report(
         "An hour of rack jobs",
         "python -m benchmarks rack_hour",
-        ("variant", "jobs", "given up", "moves by end", "interruptions", "unexplained", "misplaced", "bad contacts"),
-        rows,
-        f"World `warehouse` in lockstep, {seconds:.0f} s of simulation time each, racks at first up to "
+        ("variant", "minutes", "jobs", "given up", "moves by end", "interruptions", "unexplained", "misplaced",
+         "bad contacts"),
+        [_row(variant, together(tallies)) for variant, tallies in done.items()],
+        f"World `warehouse` in lockstep, worlds of {PART} min of simulation time, racks at first up to "
         f"{100 * OFF:.0f} cm and {math.degrees(TURNED):.0f}° off their points. A client that reads only the API "
         "carries racks from random points to random free points. Interruptions come at random every "
         f"{BETWEEN:.0f} s on average, in whatever stage the job is: {', '.join(INTERRUPTIONS)}; after each the client "
-        "goes on from what the API says. Unexplained: moves that failed without a reason and a text. Misplaced: "
-        f"racks that truly are more than {1e3 * AT_POINT[0]:.0f} mm or {math.degrees(AT_POINT[1]):.1f}° from where "
-        "they were put, or rack points whose state in the API is not the truth.",
-    )
+        "goes on from what the API says. Variant `people` is `interrupted` while a person walks through the hall. "
+        "Unexplained: moves that failed without a reason and a text. Misplaced: racks that truly are more than "
+        f"{1e3 * AT_POINT[0]:.0f} mm or {math.degrees(AT_POINT[1]):.1f}° from where they were put, or rack points "
+        "whose state in the API is not the truth; looked at after each job.",
+    )  # fmt: skip
+
+
+def together(tallies: Sequence[Tally]) -> Tally:
+    whole = Tally()
+    for number, tally in enumerate(tallies):
+        whole.seconds, whole.jobs = whole.seconds + tally.seconds, whole.jobs + tally.jobs
+        whole.ends, whole.interruptions = whole.ends + tally.ends, whole.interruptions + tally.interruptions
+        whole.given_up, whole.unexplained = whole.given_up + tally.given_up, whole.unexplained + tally.unexplained
+        whole.touched = whole.touched + tally.touched
+        whole.misplaced |= {f"{number} {what}": how for what, how in tally.misplaced.items()}
+    return whole
 
 
 def _row(name: str, tally: Tally) -> tuple[str, ...]:
     def listed(counter: Counter[str]) -> str:
         return ", ".join(f"{key} {count}" for key, count in sorted(counter.items())) or "none"
 
-    def found(faults: list[str]) -> str:
+    def found(faults: Iterable[str]) -> str:
         return "; ".join(faults) or "none"
 
     return (
-        name, str(tally.jobs), found(tally.given_up), listed(tally.ends), listed(tally.interruptions),
-        found(tally.unexplained), found(tally.misplaced), found(tally.touched),
+        name, f"{tally.seconds / 60:.0f}", str(tally.jobs), found(tally.given_up), listed(tally.ends),
+        listed(tally.interruptions), found(tally.unexplained), found(tally.misplaced.values()), found(tally.touched),
     )  # fmt: skip
 
 
-def drive(seconds: float, seed: int, interrupted: bool, people: bool) -> Tally:
-    """So many seconds of random jobs."""
+def drive(variant: str, number: int, tally: Tally, seconds: float = 60.0 * PART) -> None:
+    """Random jobs in the world of that number, always the same; what happens is added to ``tally`` after each."""
+    interrupted, people = VARIANTS[variant]
     whole = load_world("warehouse")
     changes: dict[str, Any] = {"arms": {}, "timestep": 0.002} | ({} if people else {"movers": {}})
-    world = scattered(whole.model_copy(update=changes), seed, OFF, TURNED)
-    with tempfile.TemporaryDirectory() as folder, JoinedWorld(world, Path(folder), seed=seed) as joined:
+    world = scattered(whole.model_copy(update=changes), number, OFF, TURNED)
+    with tempfile.TemporaryDirectory() as folder, JoinedWorld(world, Path(folder), seed=number) as joined:
         joined.advance(0.4)
-        client = Client(joined.chassis(), world, random.Random(seed), interrupted)
+        client = Client(joined.chassis(), world, random.Random(f"{variant} {number}"), interrupted, tally)
         while joined.now() < seconds:
-            client.job()
-            update("simulated seconds of rack jobs", round(joined.now()), round(seconds))
-        client.judge()
-        client.tally.touched = forbidden(joined.inspect().touches, world)
-    return client.tally
+            before, begun = tally.faults(), joined.now()
+            what = client.job()
+            tally.seconds, tally.touched = joined.now(), forbidden(joined.inspect().touches, world)
+            client.judge()
+            found = "".join(f"; {fault}" for fault in tally.faults() if fault not in before)
+            say(f"{variant} {number}, {begun:.0f} to {joined.now():.0f} s: {what}{found}")
+            update(f"{variant} {number}: simulated seconds of rack jobs", round(joined.now()), round(seconds))
 
 
 class Client:
     """A client of the API with a list of which rack is at which point."""
 
-    def __init__(self, driver: JoinedChassis, world: World, chance: random.Random, interrupted: bool) -> None:
-        self.tally = Tally()
+    def __init__(
+        self, driver: JoinedChassis, world: World, chance: random.Random, interrupted: bool, tally: Tally
+    ) -> None:
+        self.tally = tally
         self._driver, self._chance, self._interrupted = driver, chance, interrupted
         costmap = driver.core._motion.perception.costmap
         assert costmap is not None
@@ -120,24 +186,30 @@ class Client:
             min(points, key=lambda p: math.hypot(p.x - rack.pose[0], p.y - rack.pose[1])).name: name
             for name, rack in world.racks.items()
         }
+        self._carried: str | None = None
         self._moved: set[str] = set()
         self._next = self._draw()
 
-    def job(self) -> None:
-        """One rack from its point to a free one."""
+    def job(self) -> str:
+        """One rack from its point to a free one, or the one that a job which was given up left on the jack; which."""
         source = self._chance.choice(sorted(self._stock))
         goal = self._chance.choice(sorted(set(self._points) - set(self._stock)))
+        what = f"{source} to {goal}" if self._carried is None else f"{self._carried} to {goal}"
         try:
-            self._until(lambda: self._load() is LoadState.CARRYING, lambda: self._fetch(self._points[source]), source)
-            rack = self._stock.pop(source)
+            if self._carried is None:
+                self._until(
+                    lambda: self._load() is LoadState.CARRYING, lambda: self._fetch(self._points[source]), source
+                )
+                self._carried = self._stock.pop(source)
+                self._moved.add(self._carried)
             self._until(None, lambda: self._carry(self._points[goal]), goal)
-            self._stock[goal] = rack
-            self._moved.add(rack)
             self._until(lambda: self._load() is not LoadState.CARRYING, lambda: self._jack("down"), goal)
+            self._stock[goal], self._carried = self._carried, None
             self._until(lambda: self._load() is LoadState.FREE, self._leave, goal)
             self.tally.jobs += 1
         except _GivenUp as why:
             self.tally.given_up.append(str(why))
+        return what
 
     def judge(self) -> None:
         """Racks and rack points against the truth."""
@@ -147,12 +219,15 @@ class Client:
             away, turned = math.hypot(point.x - true.x, point.y - true.y), abs(turn(true.yaw, point.yaw or 0.0))
             bound = AT_POINT if rack in self._moved else (2 * OFF, 2 * TURNED)
             if away > bound[0] or turned > bound[1]:
-                self.tally.misplaced.append(f"{rack} {1e3 * away:.0f} mm, {math.degrees(turned):.1f}° off {name}")
+                self._misplaced(rack, f"{1e3 * away:.0f} mm, {math.degrees(turned):.1f}° off {name}")
         states = {point.poi_id: point.levels[0].state for point in self._driver.newest(topics.MAP_RACK_STATES).racks}
         for name, point in self._points.items():
             state, true_state = states.get(point.id, "unknown"), "occupied" if name in self._stock else "free"
             if state not in ("unknown", true_state):
-                self.tally.misplaced.append(f"{name} is {true_state}, the API says {state}")
+                self._misplaced(name, f"{true_state}, the API says {state}")
+
+    def _misplaced(self, what: str, how: str) -> None:
+        self.tally.misplaced.setdefault(what, f"{what} {how} at {self._driver.world.now():.0f} s")
 
     # -- steps of a job ----------------------------------------------------------------------------------------------
 

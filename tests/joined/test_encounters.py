@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import pytest
@@ -33,6 +34,25 @@ def test_an_encounter_is_always_the_same_and_every_kind_meets_on_every_ground() 
 def drive(xs: Sequence[float], person: tuple[float, float] = (0.0, 3.0)) -> list[Seen]:
     there = Pose2(x=person[0], y=person[1], yaw=0.0)
     return [Seen(0.1 * k, Pose2(x=x, y=0.0, yaw=0.0), there) for k, x in enumerate(xs)]
+
+
+@pytest.mark.parametrize(
+    ("robot", "person", "gap"),
+    [
+        ((0.0, 0.0, 0.0), (0.375 + 0.55, 0.0), 0.3),
+        ((0.0, 0.0, 0.0), (0.1, -0.23 - 0.45), 0.2),
+        ((0.0, 0.0, 0.0), (0.375 + 0.3, 0.23 + 0.4), 0.25),
+        ((0.0, 0.0, 0.0), (-0.375 - 0.06, -0.23 - 0.08), -0.15),
+        ((0.0, 0.0, 0.0), (0.0, 0.0), -0.25),
+        ((1.0, -2.0, math.pi / 2), (1.0 - 0.23 - 0.4, -2.0 + 0.375 + 0.3), 0.25),
+        ((-0.781, -0.026, 0.199), (-0.266, 0.558), 0.0936),
+    ],
+)
+def test_the_gap_is_the_euclidean_one_beyond_a_corner_too(
+    robot: tuple[float, float, float], person: tuple[float, float], gap: float
+) -> None:
+    seen = Seen(0.0, Pose2(x=robot[0], y=robot[1], yaw=robot[2]), Pose2(x=person[0], y=person[1], yaw=0.0))
+    assert seen.gap == pytest.approx(gap, abs=1e-3)
 
 
 def test_a_stop_is_counted_between_the_first_motion_and_the_arrival() -> None:

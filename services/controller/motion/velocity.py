@@ -12,7 +12,7 @@ from rackhand.services.controller import ik
 from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.motion.metered_solver import MeteredSolver
 from rackhand.services.controller.motion.profile import MotionProfile
-from rackhand.services.controller.motion.ramp import Ramp
+from rackhand.services.controller.motion.ramp import Ramp, Reference
 from rackhand.services.controller.trajectory.continuation import pose_error
 from rackhand.services.controller.trajectory.model import TcpPose
 
@@ -39,12 +39,12 @@ class JointVelocity:
 
     def __init__(self, arm: ik.Arm, clearance: ik.Clearance, period: float) -> None:
         self._arm, self._clearance, self._period = arm, clearance, period
-        self._ramp = Ramp(arm.n)
+        self._reference, self._ramp = Reference(arm.n, period), Ramp(arm.n)
         self.ramped = np.zeros(arm.n)
 
     def step(self, values: Array, q: Array, v: Array, profile: MotionProfile) -> tuple[Array, tuple[CrfCode, ...]]:
         acceleration = np.minimum(profile.joint_acceleration, self._arm.limits.acceleration)
-        wanted = self._ramp.step(values, acceleration, self._arm.limits.jerk, self._period)
+        wanted = self._ramp.step(self._reference.step(values), acceleration, self._arm.limits.jerk, self._period)
         share = self._clearance.speed_share(q, wanted, self._period)
         self.ramped = self._ramp.slow(share)
         lower, upper = ik.velocity_box(self._arm, q, v, self._period)
@@ -63,13 +63,14 @@ class TaskVelocity:
     def __init__(self, arm: ik.Arm, solver: MeteredSolver, clearance: ik.Clearance, period: float, q: Array) -> None:
         self._kinematics, self._solver, self._period = ArmKinematics(arm), solver, period
         self._clearance = clearance
-        self._ramp = Ramp(6)
+        self._reference, self._ramp = Reference(6, period), Ramp(6)
         self._target = ik.forward(arm, q)
         self.ramped = np.zeros(6)
 
     def step(self, values: Array, q: Array, v: Array, profile: MotionProfile) -> tuple[Array, tuple[CrfCode, ...]]:
         acceleration = profile.task_acceleration
-        twist = self._ramp.step(values, acceleration, acceleration / _TASK_JERK_TIME, self._period)
+        jerk = acceleration / _TASK_JERK_TIME
+        twist = self._ramp.step(self._reference.step(values), acceleration, jerk, self._period)
         twist = self._ramp.slow(self._solver.ik.twist_scale(q, v, twist))
         twist = self._ramp.slow(self._allowed_share(q, twist))
         share = self._clearance.speed_share(q, self._joint_velocity(q, twist), self._period)

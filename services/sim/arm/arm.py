@@ -25,8 +25,9 @@ from rackhand.services.sim.arm.servo import (
     plan,
     stream_velocity,
 )
+from rackhand.services.sim.arm.suction import Suction
 from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
-from rackhand.services.sim.mjcf.arm_model import CUP, FORCE, SEALS, SUCTION, SUCTION_FORCE, TOOL, TORQUE
+from rackhand.services.sim.mjcf.arm_model import FORCE, TOOL, TORQUE
 from rackhand.worlds.arm_model import ArmDescription
 from rackhand.worlds.data import WorldFileError
 
@@ -68,11 +69,10 @@ class Arm:
     def __init__(self, name: str, kind: ArmDescription, home: tuple[float, ...], model: Any, data: Any) -> None:
         self.name, self.kind = name, kind
         self._model, self._data = model, data
+        self._gripper = Suction(name, model, data)
         self._find_addresses()
         self.limits = self._read_limits()
         self._check_home(home)
-        # Whether the gripper's pump is on, and whether something seals its cup so that it pulls.
-        self._suction = self._holding = False
         self._fence = FencingGuard()
         self._order: Order | None = None
         self._offset, self._offset_since = np.zeros(self.n), 0  # added to commanded positions, and faded out from then
@@ -98,7 +98,7 @@ class Arm:
     @property
     def only_follows(self) -> bool:
         """Whether its servo only holds the joints to their reference: no torques, and the gripper is off."""
-        return not self._suction and self._mode != "torque"
+        return not self._gripper.on and self._mode != "torque"
 
     @property
     def n(self) -> int:
@@ -127,13 +127,10 @@ class Arm:
             model.dof_damping[self._qvel],
         )
         self._force, self._moment = (int(model.sensor(prefix + kind).adr[0]) for kind in (FORCE, TORQUE))
-        names = {model.actuator(i).name: i for i in range(model.nu)}
-        self._pump = names.get(prefix + SUCTION)
-        self._cup = -1 if self._pump is None else int(model.geom(prefix + CUP).id)
         self._tool = int(model.site(prefix + TOOL).id)
         geoms = [i for i in range(model.ngeom) if model.geom(i).name.startswith(prefix)]
         # What the cup touches it is meant to touch.
-        self.geoms = np.array([i for i in geoms if model.geom(i).name != prefix + CUP])
+        self.geoms = np.array([i for i in geoms if i != self._gripper.cup])
 
     def _read_limits(self) -> JointLimits:
         model = self._model
@@ -165,7 +162,7 @@ class Arm:
 
     def command(self, command: ArmCommand) -> None:
         """Let an admitted command take effect."""
-        self._suction = command.suction
+        self._gripper.on = command.suction
         values, before = np.array(command.values), self._order
         gap = FIRST_INTERVAL if before is None else (command.answers - before.answers) * 1e-9
         interval = min(max(gap, SHORTEST), LONGEST) if before is None or gap > 0 else before.interval
@@ -208,7 +205,7 @@ class Arm:
             self._coasts = COASTS
             self._plan(mode, order, ahead=0.0 if order is None else (stamp - order.answers - self.latency_ns) * 1e-9)
         self._mode, self._taken = mode, order
-        self._holding = self._holding and self._suction
+        self._gripper.begin()
 
     def servo(self) -> None:
         """Set the motors for one physics step, whose positions and velocities are computed already (``mj_step1``)."""
@@ -219,9 +216,7 @@ class Arm:
             hold_to(self._reference, self._now, self.limits, self._step, self._torque)
         control = self._data.ctrl
         control[self._motors] = self._torque
-        if self._pump is not None:
-            self._holding = self._suction and self._is_sealed()
-            control[self._pump] = float(self._holding)
+        self._gripper.act()
 
     def continue_reference(self) -> None:
         """Plan the next segment if the present one has ended: no command has come, the stream is late or has ended."""
@@ -247,13 +242,6 @@ class Arm:
             values = order.values + passing * ahead if order.mode == "position" else order.values
         plan(self._reference, _PLANS.get(mode, HOLD), values, passing, self.limits, duration)
 
-    def _is_sealed(self) -> bool:
-        """Whether something faces the mouth of the cup; at its side it would only draw air."""
-        contact = self._data.contact
-        normals = contact.frame[(contact.geom == self._cup).any(axis=1), :3]
-        along = np.abs(normals @ self._data.site_xmat[self._tool][2::3])
-        return bool((along > SEALS).any())
-
     # -- what it measures --------------------------------------------------------------------------------------------
 
     def measured(self) -> tuple[Array, Array, Array]:
@@ -265,7 +253,7 @@ class Arm:
         sensed, order = self._data.sensordata, self._order
         # MuJoCo's sensors measure what the flange does to the tool, and leave out the pull of an adhesion, which acts
         # along the cup's axis.
-        pull = np.array([0.0, 0.0, SUCTION_FORCE if self._holding else 0.0])
+        pull = np.array([0.0, 0.0, self._gripper.pull])
         force, moment = -sensed[self._force : self._force + 3], -sensed[self._moment : self._moment + 3]
         return ArmState(
             stamp=stamp,
@@ -274,5 +262,5 @@ class Arm:
             efforts=tuple(self._torque.tolist()),
             wrench=(*(force + pull).tolist(), *moment.tolist()),
             follows=Following() if order is None else Following(token=order.token, answers=order.answers),
-            gripper=None if self._pump is None else Gripper(suction=self._suction, holding=self._holding),
+            gripper=Gripper(suction=self._gripper.on, holding=self._gripper.holding) if self._gripper.fitted else None,
         )

@@ -14,9 +14,10 @@ from rackhand.services.sim.mjcf import layers
 from rackhand.worlds.arm_model import GRIPPER_LENGTH, GRIPPER_RADIUS, ArmDescription, arm_mjcf
 from rackhand.worlds.world_model import ArmPlace
 
-TOOL, CUP, SUCTION, FORCE, TORQUE = "tool", "cup", "suction", "force", "torque"
+TOOL, CUP, SUCTION, SEAL, FORCE, TORQUE = "tool", "cup", "suction", "seal", "force", "torque"
 # The suction gripper's mass (kg). It pulls with at most this force (N) on what it touches.
 GRIPPER_MASS, SUCTION_FORCE = 0.4, 60.0
+SHEAR_SHARE = 0.5  # of that force which the lip of a sealed cup carries sideways
 # Cosine of how far a surface may lean and still seal the cup.
 SEALS = 0.9
 _GRIPPER_COLOUR = [0.15, 0.15, 0.17, 1]
@@ -61,4 +62,8 @@ def _add_tool(spec: Any, arm: str, flange: Any, gripper: bool) -> None:
     )
     suction = spec.add_actuator(name=f"{arm}/{SUCTION}", target=f"{arm}/{TOOL}", trntype=mujoco.mjtTrn.mjTRN_BODY)
     suction.set_to_adhesion(SUCTION_FORCE)
+    # Attaches what seals the cup; which body that is is set when it does.
+    seal = spec.add_equality(name=f"{arm}/{SEAL}", name1=f"{arm}/{TOOL}", name2="world", active=False)
+    seal.type, seal.objtype = mujoco.mjtEq.mjEQ_WELD, mujoco.mjtObj.mjOBJ_BODY
+    seal.solref = [0.005, 1]
     suction.ctrllimited, suction.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, [0, 1]

@@ -1,10 +1,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rackhand.services.controller.motion.ramp import Ramp
+from rackhand.services.controller.motion.ramp import AVERAGED, REMEMBERED, Ramp, Reference
 
 DT = 0.004
 A, J = np.array([7.5, 5.0, 20.0]), np.array([500.0, 300.0, 800.0])
@@ -42,3 +43,29 @@ def test_what_is_cut_goes_on_from_there_without_delay() -> None:
         ramp.cut(np.minimum(ramp.velocity, 0.1))
     back = [float(ramp.step(np.array([-1.0]), A[:1], J[:1], DT)[0]) for _ in range(10)]
     assert back[-1] < 0.0
+
+
+def followed(values: list[float]) -> np.ndarray:
+    reference = Reference(1, DT)
+    return np.array([float(reference.step(np.array([value]))[0]) for value in values])
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.tuples(st.floats(0, 3, allow_subnormal=False), st.integers(1, 30)), min_size=1, max_size=6))
+def test_a_reference_that_changes_in_one_direction_is_not_delayed(steps: list[tuple[float, int]]) -> None:
+    values = list(np.cumsum(np.concatenate([[size] + [0.0] * (ticks - 1) for size, ticks in steps])))
+    assert np.allclose(followed(values), values, atol=1e-9)
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 3, 4, 6, 12])
+@pytest.mark.parametrize(("low", "high"), [(-0.3, 0.3), (0.0, 0.2)])
+def test_a_reference_that_alternates_is_followed_as_its_mean(ticks: int, low: float, high: float) -> None:
+    values = [(high, low)[k // ticks % 2] for k in range(400)]
+    seen = followed(values)[round(REMEMBERED / DT) :]
+    assert np.abs(seen - 0.5 * (low + high)).max() < 0.13 * (high - low)
+    assert abs(seen.mean() - 0.5 * (low + high)) < 0.02 * (high - low)
+
+
+def test_after_it_has_alternated_a_constant_reference_is_reached() -> None:
+    seen = followed([0.3 * (-1) ** k for k in range(100)] + [0.2] * 60)
+    assert abs(seen[100 + round(AVERAGED / DT)] - 0.2) < 1e-12 and seen[-1] == 0.2
