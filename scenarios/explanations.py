@@ -46,7 +46,7 @@ def _misses(measure: Json) -> bool:
     value, expected = measure["value"], measure["expected"]
     if expected is None:
         return True
-    return value >= expected if measure["unit"] == "s" else abs(value - expected) > SAME
+    return bool(value >= expected if measure["unit"] == "s" else abs(value - expected) > SAME)
 
 
 def _shown(things: list[Json]) -> str:

@@ -18,7 +18,7 @@ MOST_CELLS = 2_000_000
 HALVINGS = 6  # of the radius that is looked for
 NOTHING = 1e-6  # m; the radius of a disc that passes wherever a cell is free
 FIRST = 1e-2  # cells a cell: of places that are equally narrow, the first on the way
-EIGHT = np.ones((3, 3))  # neighbours of a cell
+EIGHT = np.ones((3, 3), dtype=np.bool_)  # neighbours of a cell
 STRAIGHT = 1e-3  # and of these the one nearest to the straight line
 
 Labels = NDArray[np.signedinteger]
