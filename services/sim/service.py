@@ -112,7 +112,8 @@ class SimService:
             return request.refuse(refused.code, refused.text)
         if order.op not in ("inspect", "advance"):  # which come many times a second
             log.info(f"request: {order.op}", **order.model_dump(exclude={"op"}, exclude_defaults=True))
-        self._follow_drivers()
+        if self._follow_drivers() and reply is not None:
+            reply = self._session.reply()
         if order.op in ("reset", "pause") and self._advancing is not None:
             self._advancing.refuse(RefusalCode.PRECONDITION, f"{order.op} came before the end of the advance")
             self._advancing = None
@@ -137,18 +138,19 @@ class SimService:
             self._advancing.reply(self._session.reply())
             self._advancing = None
 
-    def _follow_drivers(self) -> None:
+    def _follow_drivers(self) -> bool:
         """A driver that a request has made disappear or come back shows it as one on hardware would: by its liveliness
-        token, and by what it publishes."""
+        token, and by what it publishes. False for none."""
         robots = self._session.simulation.robots
         gone = {name for name, robot in robots.items() if robot.driver_gone}
         for name in gone - self._gone:
             self._bus.withdraw(ServiceId(DRIVER, name))
             self._session.gone(ServiceId(CHASSIS_COMMANDER, name))
-        back, self._gone = self._gone - gone, gone
-        for name in back:
+        before, self._gone = self._gone, gone
+        for name in before - gone:
             self._publish(topics.CHASSIS_MODEL, name, robots[name].chassis_model())
             self._bus.announce_part(ServiceId(DRIVER, name))
+        return before != gone
 
     # -- publications ------------------------------------------------------------------------------------------------
 
