@@ -9,6 +9,7 @@ or a contact; what led to it is written to a file, and the other series go on.
 
 from __future__ import annotations
 
+import sys
 import tempfile
 import time
 import traceback
@@ -21,19 +22,25 @@ from hypothesis.stateful import run_state_machine_as_test
 
 from benchmarks.progress import say, update
 from benchmarks.report import Report
+from tests.gateway import harness
 from tests.joined.operations import Operations
 from tests.joined.served import Served, served_world
 
+PATIENCE = 180.0  # s of wall time for an answer; only ever bounds a failure
 STEPS = 150  # of one run
 RUNS = 11  # of one gateway; the first one of hypothesis takes the simplest of all choices, again and again
 
 
 class Watched(Operations):
-    """Shows how far it is."""
+    """Shows how far it is, and keeps what ended a run: of one that is not the same when it is repeated, as of a request
+    that the load of the machine made late, hypothesis tells only that."""
 
     total = 0
+    error = ""
 
     def teardown(self) -> None:
+        if (error := sys.exception()) is not None:
+            Watched.error = "".join(traceback.format_exception(error))
         super().teardown()
         update("requests", self.asked.total(), Watched.total)
 
@@ -49,7 +56,7 @@ class Options:
 def run(options: Options | None = None) -> Report:
     chosen = options or Options()
     Operations.asked.clear()
-    Watched.total = chosen.count
+    Watched.total, harness.PATIENCE = chosen.count, PATIENCE
     series = faults = 0
     begun = time.monotonic()
     while Operations.asked.total() < chosen.count:
@@ -66,7 +73,7 @@ def run(options: Options | None = None) -> Report:
 
 def fault_of(number: int, served: Served) -> str | None:
     """The first fault of the series of that number, with its traceback and its steps; None without."""
-    Operations.served = served
+    Operations.served, Watched.error = served, ""
     chosen = settings(
         max_examples=RUNS,
         stateful_step_count=STEPS,
@@ -80,8 +87,13 @@ def fault_of(number: int, served: Served) -> str | None:
         run_state_machine_as_test(machine, settings=chosen)
     except Exception as error:
         notes = "\n".join(getattr(error, "__notes__", ()))
-        return f"{traceback.format_exc()}\n{notes}\n{type(error).__name__}: {str(error)[:500]}"
+        return f"{Watched.error}\n{traceback.format_exc()}\n{notes}\n{_line(Watched.error) or _line(str(error))}"
     return None
+
+
+def _line(text: str) -> str:
+    """The last one with something in it."""
+    return next((line[:500] for line in reversed(text.splitlines()) if line.strip()), "")
 
 
 def report(asked: Counter[str], series: int, faults: int, wall: float) -> Report:
