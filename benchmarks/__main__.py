@@ -32,6 +32,8 @@ NAMES = (
     "lift",
     "ik",
     "motion",
+    "contact",
+    "clearance",
     "trajectory",
     "viewer",
     "viewer_memory",
