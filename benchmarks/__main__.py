@@ -51,6 +51,9 @@ def main() -> None:
     some = parser.add_argument_group("benchmarks that take long")
     some.add_argument("--data", type=Path, help="barn: file of the worlds (those of the repository if none is named)")
     some.add_argument("--worlds", type=int, help="barn: drive so many of them, evenly spread (all if none is named)")
+    some.add_argument(
+        "--in-process", action="store_true", default=None, help="barn: in one process instead of a cell for each world"
+    )
     some.add_argument("--count", type=int, help="encounters: so many of them, from the first on (200 if none is named)")
     some.add_argument(
         "--minutes", type=int, help="random_goals, rack_hour: so many of simulation (120, 60 if none is named)"

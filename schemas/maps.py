@@ -12,6 +12,8 @@ from rackhand.schemas.base import Message, Stamp, Vec2
 Overlays = dict[str, Any]
 """A GeoJSON FeatureCollection. ``properties`` of a feature hold its type code under ``type`` (Point), ``lineType``
 (LineString) or ``regionType`` (Polygon), as a number or as a string, and ``yaw`` in degrees."""
+WORK_SECONDS = 30.0  # that checking and loading a map may take; a request that takes longer is refused
+ANSWER_SECONDS = WORK_SECONDS + 5.0  # after which it has been answered in any case, and so have those behind it
 Version = Annotated[int, Field(ge=0, lt=2**63)]
 
 

@@ -2,7 +2,8 @@
 
     python -m benchmarks barn --worlds 25
 
-Whole cells in lockstep, chassis ``jackal``, one set of parameters: the load of the machine changes nothing.
+Whole cells in lockstep, chassis ``jackal``, one set of parameters: the load of the machine changes nothing. With
+``--in-process`` the same cores run in one process, without HTTP and without the start of a cell for each world.
 """
 
 from __future__ import annotations
@@ -16,21 +17,29 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Protocol
+
+import pytest
 
 from benchmarks.barn.plot import plot
 from benchmarks.barn.score import BEST, KINDS, TOP_SPEED, Result, cause, speed_kinds
 from benchmarks.progress import say, track
 from benchmarks.report import Report, Table, percentile
+from rackhand.schemas.base import Pose2
 from rackhand.schemas.moves import TERMINAL
+from rackhand.schemas.world import WorldReply
 from rackhand.services.sim.world.barn import write_barn_world
 from rackhand.testing import Cell, Judge, distance
 from rackhand.worlds.data import WORLDS_PATH
 from rackhand.worlds.world_model import load_world
+from tests.joined.chassis import JoinedChassis
+from tests.joined.world import JoinedWorld
 from tests.system.driving import Driver
 
 DATA = Path(__file__).with_name("worlds.json")
 ACCURACY = 0.5  # m of the zone that is asked for
 STEP = 0.1  # s of simulation time between two looks
+LOCALISED = 0.4  # s after which the planner of a new world has a pose and a scan
 WORST = 12  # worlds in the table
 PUBLISHED = (
     ("DWA, 2022", "0.159"), ("Nav2 MPPI (8 worlds)", "0.105"), ("LiCS-KI, winner of 2024", "0.489"),
@@ -41,17 +50,19 @@ PUBLISHED = (
 @dataclass(frozen=True)
 class Options:
     """``data``: the file of worlds. ``worlds``: how many of them, evenly spread; 0 for all. ``results``: the file that
-    is written after each world and from which a run goes on."""
+    is written after each world and from which a run goes on. ``in_process``: simulator and planner in this process."""
 
     data: Path = DATA
     worlds: int = 0
     results: Path = Path("barn-results.jsonl")
+    in_process: bool = False
 
 
 def run(options: Options | None = None) -> Report:
     chosen = options or Options()
     numbers = spread(sorted(json.loads(chosen.data.read_text())["worlds"], key=int), chosen.worlds)
     done = read(chosen.results)
+    drive = drive_in_process if chosen.in_process else drive_cell
     for number in track([n for n in numbers if n not in done], "BARN"):
         done[number] = drive(chosen.data, number)
         with chosen.results.open("a") as file:
@@ -60,7 +71,7 @@ def run(options: Options | None = None) -> Report:
         say(f"world {number}: {result.state}, AT/OT {result.ratio:.2f}, score {result.score:.3f}")
     results = [done[number] for number in numbers]
     chosen.results.with_suffix(".svg").write_text(plot(results))
-    return report(results)
+    return report(results, chosen.in_process)
 
 
 def spread(numbers: Sequence[str], count: int) -> list[str]:
@@ -77,8 +88,8 @@ def read(file: Path) -> dict[str, Result]:
     return {result.world: result for result in results}
 
 
-def drive(data: Path, number: str) -> Result:
-    """One world in a cell of its own."""
+def drive_cell(data: Path, number: str) -> Result:
+    """One world in a cell of its own, over HTTP."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_barn_world(data, number, folder / f"barn_{number}")
@@ -91,9 +102,49 @@ def drive(data: Path, number: str) -> Result:
             driver.wait_until_joined()
             judge.pause()
             try:
-                return _drive(driver, judge, number, _task(folder / f"barn_{number}"))
+                return _drive(number, _task(folder / f"barn_{number}"), judge, driver)
             finally:
                 driver.close()
+
+
+def drive_in_process(data: Path, number: str) -> Result:
+    """One world in this process."""
+    with tempfile.TemporaryDirectory() as name, pytest.MonkeyPatch.context() as patch:
+        folder = Path(name)
+        write_barn_world(data, number, folder / f"barn_{number}")
+        patch.setenv(WORLDS_PATH, name)
+        with JoinedWorld(f"barn_{number}", folder) as world:
+            world.advance(LOCALISED)
+            return _drive(number, _task(folder / f"barn_{number}"), world, _InProcess(world.chassis()))
+
+
+class _World(Protocol):
+    """What a run is judged by."""
+
+    def now(self) -> float: ...
+    def advance(self, seconds: float) -> object: ...
+    def true_pose(self, name: str) -> Pose2: ...
+    def inspect(self) -> WorldReply: ...
+
+
+class _Client(Protocol):
+    """What a run is driven by."""
+
+    def post(self, body: dict[str, Any]) -> int: ...
+    def move(self, move: int) -> dict[str, Any]: ...
+
+
+@dataclass(frozen=True)
+class _InProcess:
+    """A client of a planner core that answers as the gateway does."""
+
+    chassis: JoinedChassis
+
+    def post(self, body: dict[str, Any]) -> int:
+        return self.chassis.post(body)
+
+    def move(self, move: int) -> dict[str, Any]:
+        return self.chassis.move(move).model_dump()
 
 
 def _task(folder: Path) -> tuple[float, float, float, float]:
@@ -103,16 +154,16 @@ def _task(folder: Path) -> tuple[float, float, float, float]:
     return *world.task.goal, world.task.path_length, world.task.timeout
 
 
-def _drive(driver: Driver, judge: Judge, number: str, task: tuple[float, float, float, float]) -> Result:
+def _drive(number: str, task: tuple[float, float, float, float], world: _World, client: _Client) -> Result:
     x, y, length, timeout = task
     body = {"type": "standard", "target_x": x, "target_y": y, "target_accuracy": ACCURACY, "use_target_zone": True}
-    move = driver.post({"creator": "barn", **body})
-    begun, path = judge.now(), []
+    move = client.post({"creator": "barn", **body})
+    begun, path = world.now(), []
     while True:
-        judge.advance(STEP)
-        pose, now, contacts = judge.true_pose("amr1"), judge.now() - begun, judge.inspect().contact_count
+        world.advance(STEP)
+        pose, now, contacts = world.true_pose("amr1"), world.now() - begun, world.inspect().contact_count
         path.append((pose.x, pose.y))
-        state = driver.move(move)
+        state = client.move(move)
         if contacts or state["state"] in TERMINAL or now > timeout:
             ended = "time limit" if now > timeout else str(state["state"])
             return Result(
@@ -121,7 +172,12 @@ def _drive(driver: Driver, judge: Judge, number: str, task: tuple[float, float, 
             )  # fmt: skip
 
 
-def report(results: Sequence[Result]) -> Report:
+def report(results: Sequence[Result], in_process: bool = False) -> Report:
+    how = (
+        "simulator and planner in lockstep in one process, moves"
+        if in_process
+        else "whole cells in lockstep, `POST /chassis/moves`"
+    )
     scores, ratios = [r.score for r in results], [r.ratio for r in results if r.succeeded]
     succeeded = sum(r.succeeded for r in results)
     lost = Counter[str]()
@@ -136,10 +192,10 @@ def report(results: Sequence[Result]) -> Report:
     worst = sorted(results, key=lambda r: (r.score, -r.ratio))[:WORST]
     return Report(
         "BARN",
-        "python -m benchmarks barn",
+        f"python -m benchmarks barn{' --in-process' if in_process else ''}",
         ("", f"score of {BEST}", "success", "runs with contact", "AT/OT median / p95 / max"),
         [own, *([name, score, "", "", ""] for name, score in PUBLISHED)],
-        f"{len(results)} worlds, one run each, whole cells in lockstep, `POST /chassis/moves` (standard, a zone of "
+        f"{len(results)} worlds, one run each, {how} (standard, a zone of "
         f"{ACCURACY} m), chassis `jackal`, one set of parameters. Score: success · OT / clip(AT, 2·OT, 8·OT), OT = "
         f"length of the path / {TOP_SPEED} m/s. The published rows are of other worlds, in Gazebo or on robots.",
         (

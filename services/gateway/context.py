@@ -80,14 +80,15 @@ class Context:
             raise not_found("this gateway serves no chassis")
         return self.robot
 
-    async def ask(self, query: Query[Q, R], request: Q) -> R:
-        """Ask the robot. Raises ``BadRequest`` for what the bus cannot carry (an integer over 64 bits, say)."""
+    async def ask(self, query: Query[Q, R], request: Q, timeout: float | None = None) -> R:
+        """Ask the robot, and wait ``timeout`` s or as long as the settings say. Raises ``BadRequest`` for what the bus
+        cannot carry (an integer over 64 bits, say)."""
         robot = self.chassis
         try:
             codec_for(query.request).dumps(request)
         except MalformedMessage as error:
             raise BadRequest(str(error)) from None
-        return await self.shared.bus.acall(query, request, robot, timeout=self.settings.call_timeout)
+        return await self.shared.bus.acall(query, request, robot, timeout=timeout or self.settings.call_timeout)
 
     async def ask_arm(self, query: Query[Q, R], request: Q, arm: str) -> R:
         """Ask an arm's controller. Raises ``Refused``, ``Unavailable`` or ``CallTimeout``."""

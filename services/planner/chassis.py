@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from rackhand.schemas.base import NANOSECONDS, Message
@@ -42,7 +43,7 @@ from rackhand.services.planner.explainer import Explainer
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import JackOrders
 from rackhand.services.planner.load import LoadRecord, UnkeptLoad
-from rackhand.services.planner.map.service import MapService
+from rackhand.services.planner.map.service import Made, MapService
 from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.modes import Modes, RemoteSettings
 from rackhand.services.planner.motion import Motion
@@ -336,9 +337,14 @@ class Chassis:
             self._reports.event(self._stamp, move_id, "paused" if paused else "resumed")
             self._report()
 
-    def maps(self, request: MapRequest) -> MapReply:
+    def map_work(self, request: MapRequest) -> Callable[[], Made] | None:
+        """What takes long of a request about maps, to be called in any thread; see ``MapService.work``."""
+        return self._maps.work(request)
+
+    def maps(self, request: MapRequest, made: Made | None = None) -> MapReply:
+        """``made``: what ``map_work`` made of it, if it was called before."""
         before, changes = self._maps.current, self._maps.changes
-        reply = self._maps.answer(request, self._now())
+        reply = self._maps.answer(request, self._now(), made)
         current = self._maps.current
         if changes != self._maps.changes:
             what = "the map was cleared" if current is None else f"the map was changed to {current.map_name!r}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -21,9 +22,11 @@ from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.load import Load, LoadState, Measured, next_load
+from rackhand.services.planner.map.grid import StaticMap
 from rackhand.services.planner.perception.carried_rack import WITNESSES, CarriedRack, objects_under
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.perception.lift_view import is_in_lift
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.perception.pipeline import Perception
 from rackhand.services.planner.planning.worker import PlanWorker
 from rackhand.services.planner.settings import Limits, NavigationSettings
@@ -120,20 +123,28 @@ class Motion:
         if self._body is not None:
             self.set_body(self._body)
 
-    def set_map(self, data: MapData | None) -> None:
-        """Use this map (or none). A running move must end.
+    def loads(self, data: MapData) -> Callable[[], LocalCostmap]:
+        """What takes seconds of using a large map, to be called in any thread. It raises as ``set_map``."""
+        return self.perception.loads(data)
+
+    def loads_overlays(self, data: MapData) -> Callable[[], StaticMap]:
+        """The same of using the map in use with other overlays."""
+        return self.perception.loads_overlays(data)
+
+    def set_map(self, data: MapData | None, loaded: LocalCostmap | None = None) -> None:
+        """Use this map (or none), as it was ``loaded`` or is now. A running move must end.
 
         Raises ``MoveFailed(GET_MAP_FAILED)``; the map before is then still in use, and a running move goes on.
         """
-        self.perception.set_map(data)
+        self.perception.set_map(data, loaded)
         self.plans.cancel()
 
-    def set_overlays(self, data: MapData) -> None:
+    def set_overlays(self, data: MapData, loaded: StaticMap | None = None) -> None:
         """The map in use with other overlays: what was observed on it stays, and a running move goes on.
 
         Raises ``MoveFailed(GET_MAP_FAILED)``; the overlays before are then still in use.
         """
-        self.perception.set_overlays(data)
+        self.perception.set_overlays(data, loaded)
         self.plans.cancel()
 
     def reset(self) -> None:

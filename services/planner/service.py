@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, TypeVar
 
@@ -22,12 +23,15 @@ from rackhand.schemas.chassis import (
     JackRequest,
     JackSelfCheck,
 )
+from rackhand.schemas.maps import MapReply, MapRequest
 from rackhand.schemas.moves import MoveEvent
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import ServiceId
 from rackhand.schemas.topics import Qos, Query
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.chassis import PERIOD_NS, Chassis
+from rackhand.services.planner.map.line import MapLine
+from rackhand.services.planner.map.service import Made
 from rackhand.services.planner.store import PlannerStore
 
 log = get_logger(__name__)
@@ -70,7 +74,9 @@ class PlannerService:
         self._serve(topics.MOVES, chassis.moves)
         self._serve(topics.EXPLAIN, chassis.explain)
         self._serve(topics.CHASSIS_PARAMETERS, chassis.parameters.answer)
-        self._serve(topics.MAPS, chassis.maps)
+        loading, poster = ThreadPoolExecutor(1, thread_name_prefix="map"), self._loop.inbox.poster
+        self._maps = MapLine(chassis.map_work, self._answer_maps, loading, poster, monotonic)
+        self._loop.on_request(topics.MAPS, self._maps.put)
         self._serve(topics.CHASSIS_REQUEST, self._answer_chassis)
         self._publishers: dict[str, Any] = {topic.name: bus.publisher(topic, robot) for topic in PUBLICATIONS}
         self.run = self._loop.run
@@ -78,23 +84,26 @@ class PlannerService:
     def _serve(self, query: Query[Q, R], answer: Callable[[Q], R]) -> None:
         """What a request caused is published before it is answered: a client that acts on the answer finds it so."""
 
-        def serve(request: Request[Q, R]) -> None:
-            since = self._store.submitted
-            try:
-                reply = answer(request.message)
-            except RequestRefused as refused:
-                code, text = refused.code, refused.text
-                self.publish()
-                self._outbox.put(lambda: request.refuse(code, text))
-            else:
-                self.publish()
-                self._outbox.put(
-                    lambda: request.reply(reply),
-                    lambda why: request.refuse(RefusalCode.UNAVAILABLE, f"could not be stored: {why}"),
-                    since,
-                )
+        self._loop.on_request(query, lambda request: self._answer(request, answer))
 
-        self._loop.on_request(query, serve)
+    def _answer(self, request: Request[Q, R], answer: Callable[[Q], R]) -> None:
+        since = self._store.submitted
+        try:
+            reply = answer(request.message)
+        except RequestRefused as refused:
+            code, text = refused.code, refused.text
+            self.publish()
+            self._outbox.put(lambda: request.refuse(code, text))
+        else:
+            self.publish()
+            self._outbox.put(
+                lambda: request.reply(reply),
+                lambda why: request.refuse(RefusalCode.UNAVAILABLE, f"could not be stored: {why}"),
+                since,
+            )
+
+    def _answer_maps(self, request: Request[MapRequest, MapReply], made: Callable[[], Made] | None) -> None:
+        self._answer(request, lambda message: self._chassis.maps(message, None if made is None else made()))
 
     def _answer_chassis(self, request: ChassisRequest) -> Done:
         """Orders to the jack are logged, with what became of them."""
@@ -138,7 +147,8 @@ class PlannerService:
     def set_driver_fault(self, fault: str) -> None:
         self._chassis.set_driver_fault(fault)
 
-    def poll(self) -> None: ...
+    def poll(self) -> None:
+        self._maps.check()
 
     def wait(self, seconds: float) -> None: ...
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.barn import DATA, report, spread
+from benchmarks.barn import DATA, drive_in_process, report, spread
 from benchmarks.barn.plot import plot
 from benchmarks.barn.score import Result, cause, speed_kinds
 
@@ -57,3 +57,8 @@ def test_report_and_plot_tell_what_was_lost() -> None:
     assert "| not arrived | 1 | 0.1667 |" in text and "| 9 | failed | 0.000 |" in text
     bars = [e for e in xml.etree.ElementTree.fromstring(plot(results)).iter() if e.tag.endswith("title")]
     assert [bar.text.split(":")[0] for bar in bars if bar.text] == ["world 9", "world 8", "world 7"]
+
+
+def test_a_world_is_driven_in_one_process() -> None:
+    run = drive_in_process(DATA, "1")
+    assert run.succeeded and run.off < 1.0 and sum(run.seconds) == pytest.approx(run.time, abs=0.2)

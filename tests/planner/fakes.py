@@ -49,6 +49,7 @@ from rackhand.services.planner.map.store import MapStore
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.records import MoveStore
 from rackhand.services.planner.parameters import ParameterStore
+from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.settings import NavigationSettings
 from tests.chassis_models import LIMITS, chassis_model
 
@@ -95,12 +96,12 @@ class SpyMotion(Motion):
     map: MapData | None = None
     maps: tuple[Exception, ...] = ()
 
-    def set_map(self, data: MapData | None) -> None:
+    def set_map(self, data: MapData | None, loaded: LocalCostmap | None = None) -> None:
         if self.maps:
             error, *rest = self.maps
             self.maps = tuple(rest)
             raise error
-        super().set_map(data)
+        super().set_map(data, loaded)
         self.map = data
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -87,15 +86,6 @@ class ApiClient:
             assert time.monotonic() < deadline, f"{what}: not within {PATIENCE:g} s; seen {self.seen.get(topic)}"
             self._take(deadline - time.monotonic())
         return self.seen[topic]
-
-    def wait_until_driven(self, metres: float) -> None:
-        """Until ``/tracked_pose`` is so far from where it was."""
-        x, y = self.seen["/tracked_pose"]["pos"]
-        self.wait(
-            "/tracked_pose",
-            lambda pose: math.hypot(pose["pos"][0] - x, pose["pos"][1] - y) > metres,
-            f"the robot drives {metres:g} m",
-        )
 
     def _take(self, seconds: float) -> None:
         """The next frame; connects anew where the gateway was gone."""

@@ -8,7 +8,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from rackhand.schemas import topics
-from rackhand.schemas.maps import ChangeOverlays, GetMap, MapData, MapRequest, Overlays, RegionType
+from rackhand.schemas.maps import ANSWER_SECONDS, ChangeOverlays, GetMap, MapData, MapRequest, Overlays, RegionType
 from rackhand.schemas.moves import Name
 from rackhand.services.gateway.chassis_api.models import Body
 from rackhand.services.gateway.context import Context, Gateway
@@ -117,7 +117,7 @@ def _is_traffic(feature: Any) -> bool:
 
 
 async def _change(gateway: Context, overlays: Overlays) -> Changed:
-    reply = await gateway.ask(topics.MAPS, MapRequest(request=ChangeOverlays(overlays=overlays)))
+    reply = await gateway.ask(topics.MAPS, MapRequest(request=ChangeOverlays(overlays=overlays)), ANSWER_SECONDS)
     version = None if reply.data is None else reply.data.overlays_version
     return Changed(message=f"overlays version {version} is in use")
 

@@ -15,6 +15,7 @@ from starlette.concurrency import run_in_threadpool
 
 from rackhand.schemas import topics
 from rackhand.schemas.maps import (
+    ANSWER_SECONDS,
     CreateMap,
     DeleteMap,
     GetMap,
@@ -157,7 +158,8 @@ async def choose_current_map(body: CurrentMapBody, gateway: Gateway) -> MapIdent
 
 
 async def _ask(gateway: Context, request: MapRequest) -> MapReply:
-    return await gateway.ask(topics.MAPS, request)
+    reads = isinstance(request.request, GetMap | ListMaps)
+    return await gateway.ask(topics.MAPS, request, None if reads else ANSWER_SECONDS)
 
 
 async def _whole(gateway: Context, map_id: int) -> MapData:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +14,7 @@ from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.load import Load, LoadState
-from rackhand.services.planner.map.grid import load_map
+from rackhand.services.planner.map.grid import StaticMap, load_map
 from rackhand.services.planner.perception.chassis_state import QUALITY_LOST, ChassisState
 from rackhand.services.planner.perception.costmap import cost_bytes
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
@@ -33,6 +35,7 @@ class Perception:
         self._footprint: Footprint | None = None
         self._load = Load()
         self.costmap: LocalCostmap | None = None
+        self._data: MapData | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -44,23 +47,36 @@ class Perception:
         self.pose: Pose | None = None
         self.seen: SeenScan | None = None
 
-    def set_map(self, data: MapData | None) -> None:
-        """Use this map (or none) and forget what was observed on the former one.
+    def loads(self, data: MapData) -> Callable[[], LocalCostmap]:
+        """What takes seconds of using a large map, to be called in any thread. It raises as ``set_map``."""
+        settings, static = self._settings, self._same_cells(data)
+        return lambda: LocalCostmap(static or load_map(data, settings.slow_zone_velocity), settings)
+
+    def loads_overlays(self, data: MapData) -> Callable[[], StaticMap]:
+        """The same of using the map in use with other overlays."""
+        slow_velocity = self._settings.slow_zone_velocity
+        return lambda: load_map(data, slow_velocity)
+
+    def _same_cells(self, data: MapData) -> StaticMap | None:
+        """The cells of the map in use if it is that very one, as when the driver has restarted."""
+        return self.costmap.static if self.costmap is not None and self._data is data else None
+
+    def set_map(self, data: MapData | None, loaded: LocalCostmap | None = None) -> None:
+        """Use this map (or none), as it was ``loaded`` or is now, and forget what was observed on the former one.
 
         Raises ``MoveFailed(GET_MAP_FAILED)`` for a map that cannot be read; the one before is then still in use.
         """
-        if data is None:
-            self.costmap = None
-        else:
-            self.costmap = LocalCostmap(load_map(data, self._settings.slow_zone_velocity), self._settings)
+        self.costmap = None if data is None else loaded or self.loads(data)()
+        self._data = data
 
-    def set_overlays(self, data: MapData) -> None:
-        """The map in use with other overlays; what was observed stays. Raises as ``set_map``."""
-        static = load_map(data, self._settings.slow_zone_velocity)
+    def set_overlays(self, data: MapData, loaded: StaticMap | None = None) -> None:
+        """The map in use with other overlays, as ``loaded`` or now; what was observed stays. Raises as ``set_map``."""
+        static = loaded or self.loads_overlays(data)()
         if self.costmap is None:
             self.costmap = LocalCostmap(static, self._settings)
         else:
             self.costmap.set_overlays(static, self.pose)
+        self._data = data
 
     def configure(
         self, settings: NavigationSettings, body: Footprint, footprint: Footprint, load: Load | None = None
