@@ -34,6 +34,8 @@ NAMES = (
     "lift",
     "ik",
     "motion",
+    "contact",
+    "clearance",
     "trajectory",
     "viewer",
     "viewer_memory",
