@@ -6,24 +6,31 @@ import importlib.util
 import math
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse.csgraph import dijkstra
 
-from benchmarks.report import Report, median, percentile
+from benchmarks.progress import track
+from benchmarks.report import Report, Table, median, percentile
 from rackhand import worlds
 from rackhand.schemas.maps import MapData
+from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.map.directory import read_map_directory
 from rackhand.services.planner.map.grid import StaticMap, load_map
 from rackhand.services.planner.planning.plan import GlobalPlanner, NoPathFound, Target
+from rackhand.services.planner.planning.windows import LargePlanner
 from rackhand.services.planner.settings import NavigationSettings
 
 QUERIES, SEED = 60, 3
+SIZES, CELL = (20, 50, 100, 200, 500), 0.05  # m: of a hall's side, and of a cell
+LARGEST_GRAPH = 100  # m; the graph of a larger hall takes more than 4 GB
+HALL_QUERIES = 5
 LONGJACK = ((0.379, 0.23), (-0.369, 0.23), (-0.369, -0.23), (0.379, -0.23))
 Cell = tuple[int, int]
 # Path length in metres, or None for no way.
@@ -70,7 +77,90 @@ def run() -> Report:
         f"{QUERIES} random queries, {free.shape[1]}x{free.shape[0]} cells of 5 cm. Ours starts from the map, weighs "
         "clearance and checks the real footprint along the way; the others plan for a circle on a ready mask."
         + (f" Not installed in this run: {', '.join(missing)}." if missing else ""),
+        (by_size(),),
     )
+
+
+def by_size() -> Table:
+    """Ours as the worker plans, beside Dijkstra, in halls of all sizes."""
+    return Table(
+        "Against the size of the map",
+        (
+            "hall",
+            "million cells",
+            "ms of ours, median / worst",
+            "of scipy csgraph Dijkstra",
+            "scipy / ours",
+            "length / scipy's",
+        ),
+        [size_row(size) for size in track(SIZES, "halls")],
+        f"CPU time of {HALL_QUERIES} plans a hall with rows of shelves, the first one from corner to corner, in cells "
+        f"of {CELL} m, as the planner's worker makes them. The time to make scipy's graph is not counted; that of a "
+        f"hall larger than {LARGEST_GRAPH} m takes more than 4 GB. Above 9 million cells ours is coarse to fine: exact "
+        "in the first 40 m, the rest is planned on the way. For the ticks meanwhile see `planner_tick`.",
+    )
+
+
+def size_row(size: int) -> tuple[str, ...]:
+    blocked = shelves(round(size / CELL))
+    queries = list(hall_queries(blocked))
+    in_worker(blocked, *queries[0])  # touches memory, and compiles if need be
+    own_runs = [timed(in_worker, blocked, *query) for query in queries]
+    took = [seconds for _, seconds in own_runs]
+    name = f"{size} m", f"{blocked.size / 1e6:.2f}", f"{median(took) * 1e3:.0f} / {max(took) * 1e3:.0f}"
+    if size > LARGEST_GRAPH:
+        return *name, "-", "-", "-"
+    theirs = csgraph(ndimage.distance_transform_edt(~blocked) * CELL > 0.25, CELL)
+    their_runs = [timed(theirs, *query) for query in queries]
+    their_time = [seconds for _, seconds in their_runs]
+    lengths = [a / b for (a, _), (b, _) in zip(own_runs, their_runs, strict=True) if a and b]
+    return (
+        *name,
+        f"{median(their_time) * 1e3:.0f} / {max(their_time) * 1e3:.0f}",
+        f"{median(their_time) / median(took):.2f}",
+        f"{median(lengths):.3f}",
+    )
+
+
+def timed(plan: Callable[..., float | None], *query: Any) -> tuple[float | None, float]:
+    """What it returns, and seconds of CPU."""
+    begun = time.process_time()
+    length = plan(*query)
+    return length, time.process_time() - begun
+
+
+def shelves(side: int) -> NDArray[np.bool_]:
+    """A walled hall of ``side`` cells with rows of shelves, 1 m deep and 10 m long, and aisles of 3 m and 2 m."""
+    blocked = np.zeros((side, side), dtype=np.bool_)
+    blocked[:4], blocked[-4:], blocked[:, :4], blocked[:, -4:] = True, True, True, True
+    for row in range(80, side - 80, 80):
+        for column in range(60, side - 240, 240):
+            blocked[row : row + 20, column : column + 200] = True
+    return blocked
+
+
+def hall_queries(blocked: NDArray[np.bool_]) -> Iterator[tuple[Cell, Cell]]:
+    """From corner to corner, then from random aisle to aisle."""
+    side, rng = len(blocked), random.Random(SEED)
+    yield (30, 30), (side - 31, side - 31)
+    aisles = range(50, side - 40, 80)
+    for _ in range(HALL_QUERIES - 1):
+        yield (rng.choice(aisles), rng.randrange(40, side - 40)), (rng.choice(aisles), rng.randrange(40, side - 40))
+
+
+def in_worker(blocked: NDArray[np.bool_], start: Cell, goal: Cell) -> float | None:
+    """Metres of the plan that the worker makes."""
+    geometry = Geometry(0.0, 0.0, CELL, *blocked.shape)
+    footprint = Footprint.of(np.array(LONGJACK))
+    planner = LargePlanner(geometry, blocked, np.empty(0, dtype=np.int64), footprint, NavigationSettings())
+    steps = planner.search(np.array([*geometry.centre(*start), 0.0]), Target(*geometry.centre(*goal), None))
+    while True:
+        try:
+            next(steps)
+        except StopIteration as found:
+            return float(found.value.length)
+        except NoPathFound:
+            return None
 
 
 def warehouse() -> StaticMap:

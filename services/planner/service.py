@@ -75,8 +75,8 @@ class PlannerService:
         self._serve(topics.EXPLAIN, chassis.explain)
         self._serve(topics.CHASSIS_PARAMETERS, chassis.parameters.answer)
         loading, poster = ThreadPoolExecutor(1, thread_name_prefix="map"), self._loop.inbox.poster
-        maps = MapLine(chassis.map_work, self._answer_maps, loading, poster, monotonic)
-        self._loop.on_request(topics.MAPS, maps.put)
+        self._maps = MapLine(chassis.map_work, self._answer_maps, loading, poster, monotonic)
+        self._loop.on_request(topics.MAPS, self._maps.put)
         self._serve(topics.CHASSIS_REQUEST, self._answer_chassis)
         self._publishers: dict[str, Any] = {topic.name: bus.publisher(topic, robot) for topic in PUBLICATIONS}
         self.run = self._loop.run
@@ -147,7 +147,8 @@ class PlannerService:
     def set_driver_fault(self, fault: str) -> None:
         self._chassis.set_driver_fault(fault)
 
-    def poll(self) -> None: ...
+    def poll(self) -> None:
+        self._maps.check()
 
     def wait(self, seconds: float) -> None: ...
 

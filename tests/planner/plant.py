@@ -95,7 +95,7 @@ class Hall:
 
     def map(self) -> MapData:
         size = round(self.width / RESOLUTION), round(self.height / RESOLUTION)
-        fine = 4
+        fine = 4 if self.width < 150.0 else 1
         image = Image.new("L", (size[0] * fine, size[1] * fine), 0)
         draw = ImageDraw.Draw(image)
         for polygon in self.mapped:

@@ -37,6 +37,7 @@ class MapLine:
         self._post = poster(self._made)
         self._waiting: deque[tuple[Asked, float]] = deque()
         self._running: tuple[Asked, float] | None = None
+        self._late = False  # what runs was refused
 
     def put(self, request: Asked) -> None:
         """Answer a request now, or when it and those before it are done."""
@@ -44,6 +45,20 @@ class MapLine:
             self._begin(request, self._monotonic())
         else:
             self._waiting.append((request, self._monotonic()))
+
+    def check(self) -> None:
+        """Refuse what has waited for too long: who asked gives up soon, and must not find it in use later."""
+        late = [request for request, asked in self._waiting if self._is_late(asked)]
+        self._waiting = deque(entry for entry in self._waiting if entry[0] not in late)
+        if self._running is not None and not self._late and self._is_late(self._running[1]):
+            self._late = True
+            late.append(self._running[0])
+        for request in late:
+            text = f"the map, or one before it, was not loaded after {WORK_SECONDS:g} s; nothing has changed"
+            request.refuse(RefusalCode.UNAVAILABLE, text)
+
+    def _is_late(self, asked: float) -> bool:
+        return self._monotonic() - asked > WORK_SECONDS
 
     def _begin(self, request: Asked, asked: float) -> None:
         try:
@@ -58,18 +73,17 @@ class MapLine:
 
     def _made(self, future: Future[Made]) -> None:
         assert self._running is not None
-        (request, asked), self._running = self._running, None
+        self.check()
+        (request, _), self._running = self._running, None
+        late, self._late = self._late, False
         try:
-            self._finish(request, self._monotonic() - asked, future)
+            if not late:
+                self._finish(request, future)
         finally:
             while self._waiting and self._running is None:
                 self._begin(*self._waiting.popleft())
 
-    def _finish(self, request: Asked, waited: float, future: Future[Made]) -> None:
-        if waited > WORK_SECONDS:  # who asked gives up soon, and must not find it in use later
-            text = f"the map was not loaded after {waited:.0f} s, want {WORK_SECONDS:g} s; nothing has changed"
-            request.refuse(RefusalCode.UNAVAILABLE, text)
-            return
+    def _finish(self, request: Asked, future: Future[Made]) -> None:
         try:
             self._answer(request, future.result)
         except Exception as error:

@@ -16,6 +16,7 @@ from rackhand.schemas.maps import (
     DeleteMap,
     GetMap,
     ListMaps,
+    MapReply,
     MapRequest,
     PatchMap,
     SelectMap,
@@ -107,14 +108,25 @@ def test_two_loads_do_not_overtake_each_other(desk: Desk) -> None:
     assert second.answer.data.map_name == desk.in_use == "hall"
 
 
-def test_a_load_that_took_too_long_is_refused_and_changes_nothing(desk: Desk) -> None:
-    selected, behind = desk.ask(SelectMap(id=2)), desk.ask(PatchMap(id=2, map_name="renamed"))
+@pytest.mark.parametrize("noticed_before_it_ends", [True, False])
+def test_a_load_that_takes_too_long_is_refused_and_changes_nothing(desk: Desk, noticed_before_it_ends: bool) -> None:
+    selected, patched = desk.ask(SelectMap(id=2)), desk.ask(PatchMap(id=2, map_name="renamed"))
+    desk.now = WORK_SECONDS / 2
+    desk.line.check()
+    later = desk.ask(DeleteMap(id=2))
+    assert (selected.answer, patched.answer) == (None, None)
     desk.now = WORK_SECONDS + 1.0
     assert desk.now < ANSWER_SECONDS, "who asked still waits"
+    if noticed_before_it_ends:
+        desk.line.check()
+        assert selected.answer is not None and patched.answer is not None and later.answer is None
     desk.worker.work()
-    code, text = selected.answer
-    assert code == "unavailable" and "31 s, want 30 s" in text
-    assert desk.in_use == "hall" and behind.answer.data.map_name == "renamed"
+    for code, text in (selected.answer, patched.answer):
+        assert code == "unavailable" and "after 30 s; nothing has changed" in text
+    assert desk.in_use == "hall" and isinstance(later.answer, MapReply)
+    assert desk.ask(SelectMap(id=1)).answer is None
+    desk.worker.work()
+    assert desk.in_use == "hall" and desk.worker.jobs == []
 
 
 @pytest.mark.parametrize(
