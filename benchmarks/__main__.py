@@ -18,6 +18,8 @@ NAMES = (
     "barn",
     "bus",
     "cell",
+    "demo",
+    "operations",
     "encounters",
     "first_motion",
     "follow",
