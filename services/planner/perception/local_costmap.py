@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rackhand.schemas.chassis import Scan
+from rackhand.schemas.maps import PointType
 from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.control.braking_guard import as_obstacles, nearby_cells
 from rackhand.services.planner.geometry.cells import Geometry, cells_in
@@ -45,7 +46,7 @@ class LocalCostmap:
         self.observed = ObservedObstacles(static, settings)
         self.movers = DynamicObstacleTracker()
         self.racks = RackTracker(static.geometry, settings)
-        self.rack_points = RackPoints(static, settings)
+        self.rack_points, self._rack_places = RackPoints(static, settings), _rack_places(static)
         self._velocities: Array = np.empty((0, 2))
         self.settings = settings
         self._cells: Array = np.empty((0, 2))
@@ -61,7 +62,7 @@ class LocalCostmap:
     def set_overlays(self, static: StaticMap, pose: Pose | None) -> None:
         """Go on with the same cells and other overlays; ``pose``: of the chassis, where it is known."""
         self.static = static
-        self.rack_points = RackPoints(static, self.settings)
+        self.rack_points, self._rack_places = RackPoints(static, self.settings), _rack_places(static)
         self.mapped = TiledClearance(static.blocked, static.geometry)
         g = static.geometry
         self.refresh(np.array([*g.centre(g.rows // 2, g.columns // 2), 0.0]) if pose is None else pose)
@@ -81,7 +82,7 @@ class LocalCostmap:
         self._velocities = self.movers.update(self.observed, sensor[:2], scan.stamp)
         outline = transformed(chassis, footprint.polygon)
         kinds = self.settings.rack_specs if specs is None else specs
-        view = RackView(self.observed, sensor, chassis, outline, load or Load(), kinds, scan.stamp)
+        view = RackView(self.observed, sensor, chassis, outline, load or Load(), kinds, scan.stamp, self._rack_places)
         self.racks.look(view)
         self.rack_points.look(view, self.racks)
         for mover in self.movers.moving:
@@ -217,3 +218,7 @@ def is_usable(scan: Scan, min_valid_fraction: float) -> bool:
     """Whether enough beams were measured. A beam without a return (inf) is a measurement: it is free."""
     ranges = scan.ranges
     return bool(ranges.size) and float(np.mean(ranges > 0.0)) >= min_valid_fraction  # False for NaN
+
+
+def _rack_places(static: StaticMap) -> tuple[Pose, ...]:
+    return tuple(np.array([p.x, p.y, p.yaw or 0.0]) for p in static.overlays.points_of(PointType.RACK))

@@ -1,7 +1,8 @@
 """Racks on the floor, wherever the scans have shown one: each is an obstacle as a whole, not only its legs.
 
 A rack is searched among hits that neither the map nor a rack known already explains, so that it costs little where
-nothing is new. A known one is confirmed or removed by its legs' cells: beams hit them, or pass through them.
+nothing is new. It shows four legs, or two at a registered rack point while the others are hidden. A known one is
+confirmed or removed by its legs' cells: beams hit them, or pass through them.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import Enum
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +23,10 @@ from rackhand.services.planner.geometry.cells import Geometry, cells_in, cells_n
 from rackhand.services.planner.geometry.polygon import inside_convex
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.load import Load, LoadState
+from rackhand.services.planner.perception.clusters import small_clusters
 from rackhand.services.planner.perception.observed import ObservedObstacles
-from rackhand.services.planner.perception.rack_legs import RackSighting, find_rack, find_racks, leg_middles
+from rackhand.services.planner.perception.partial_rack import racks_of_two_legs
+from rackhand.services.planner.perception.rack_legs import find_rack, find_racks, leg_middles
 from rackhand.services.planner.settings import NavigationSettings
 
 Array = NDArray[np.float64]
@@ -44,7 +48,8 @@ REDRAW = 0.015  # m or rad by which a pose must change for its cells to be compu
 
 class RackView(NamedTuple):
     """One scan as racks are looked for in it. ``observed`` has just integrated it. ``sensor`` and ``chassis`` are the
-    poses of lidar and chassis in the map then; ``outline`` is that of the chassis, (n, 2) in the map frame."""
+    poses of lidar and chassis in the map then; ``outline`` is that of the chassis, (n, 2) in the map frame. ``places``:
+    poses of the registered rack points."""
 
     observed: ObservedObstacles
     sensor: Pose
@@ -53,6 +58,7 @@ class RackView(NamedTuple):
     load: Load
     specs: tuple[RackSpec, ...]
     stamp: int
+    places: tuple[Pose, ...] = ()
 
 
 class Legs(Enum):
@@ -177,14 +183,36 @@ class RackTracker:
 
     def _search(self, view: RackView) -> None:
         points, stamp = self._unexplained(view.observed, view.sensor), view.stamp
-        seen = find_racks(points, view.sensor, view.specs) if len(points) >= 4 else []
-        for sighting in seen:
-            known = self._at(sighting.pose)
+        whole = find_racks(points, view.sensor, view.specs) if len(points) >= 4 else []
+        for pose, spec in [*((seen.pose, seen.spec) for seen in whole), *self._partial(points, view)]:
+            known = self._at(pose)
             if known is None:
-                self._racks.append(KnownRack(sighting.pose, sighting.spec, stamp, self._geometry))
-            elif known is not self._above:
-                self._take(known, sighting, stamp)
+                self._racks.append(KnownRack(pose, spec, stamp, self._geometry))
+            elif known is not self._above and known.stamp != stamp:
+                self._take(known, pose, spec, stamp)
         self._racks = [rack for rack in self._racks if rack.believed or stamp - rack.stamp < 2 * NANOSECONDS]
+
+    def _partial(self, points: Array, view: RackView) -> list[tuple[Pose, RackSpec]]:
+        """Racks at registered points of which two legs are seen, and the others neither seen nor seen to be gone."""
+        places = [place for place in view.places if self._may_have_more(place, view)]
+        if not places or len(points) < 2:
+            return []
+        clusters = small_clusters(points, view.sensor)
+        found: list[tuple[Pose, RackSpec]] = []
+        for place in places:
+            seen = racks_of_two_legs(clusters, place, view.specs)
+            found += islice((one for one in seen if self._may_be(*one, view.observed)), 1)
+        return found
+
+    def _may_be(self, pose: Pose, spec: RackSpec, observed: ObservedObstacles) -> bool:
+        legs = (cells_near(self._geometry, leg, LEG_REACH) for leg in se2.transformed(pose, leg_middles(spec)))
+        return Legs.GONE not in [leg_state(observed, cells) for cells in legs]
+
+    def _may_have_more(self, place: Pose, view: RackView) -> bool:
+        """Whether a rack may be at a place where none is believed in."""
+        near = math.hypot(*(place[:2] - view.sensor[:2])) <= self._settings.rack_range
+        known = self._at(place)
+        return near and (known is None or not known.believed) and not inside_convex(view.outline, place[None, :2])[0]
 
     def _unexplained(self, observed: ObservedObstacles, sensor: Pose) -> Array:
         """Hits within range that are not on the map and no leg of a rack that is believed in."""
@@ -196,12 +224,12 @@ class RackTracker:
             points = points[away.min(axis=1) > EXPLAINED]
         return points
 
-    def _take(self, known: KnownRack, sighting: RackSighting, stamp: int) -> None:
-        if known.spec == sighting.spec:
-            known.see(sighting.pose, stamp)
+    def _take(self, known: KnownRack, pose: Pose, spec: RackSpec, stamp: int) -> None:
+        if known.spec == spec:
+            known.see(pose, stamp)
             return
         self._racks = [rack for rack in self._racks if rack is not known]
-        self._racks.append(KnownRack(sighting.pose, sighting.spec, stamp, self._geometry, known.sightings))
+        self._racks.append(KnownRack(pose, spec, stamp, self._geometry, known.sightings))
 
     # -- known ones --------------------------------------------------------------------------------------------------
 

@@ -164,3 +164,34 @@ def test_other_rectangles_of_posts_are_no_racks(begin) -> None:
     robot, plant = begin(Hall(10, 8), crates=rack_at(PLACE, RackSpec(width=0.7, depth=0.7)))
     idle(robot, plant, 3.0)
     assert not known(robot)
+
+
+HIDES_THE_BACK = box(4.15, 4.0, 0.1, 1.4)  # from a chassis on the left: the two legs behind it
+
+
+def shown(begin, registered: Sequence[float] | None, crates: list[np.ndarray]) -> list[KnownRack]:
+    """What is known after 3 s with a rack point there (m, m, degrees)."""
+    hall = Hall(10, 8)
+    if registered is not None:
+        geometry = {"type": "Point", "coordinates": list(registered[:2])}
+        properties = {"type": "34", "name": "a", "yaw": registered[2]}
+        hall.overlays = [{"type": "Feature", "id": "a", "geometry": geometry, "properties": properties}]
+    robot, plant = begin(hall, pose=(1.5, 4.0, 0.0), crates=crates)
+    idle(robot, plant, 3.0)
+    return known(robot)
+
+
+def test_two_legs_at_a_registered_point_are_a_rack_while_the_others_are_hidden(begin) -> None:
+    (rack,) = shown(begin, (4.05, 3.97, 3.0), [*rack_at(PLACE), HIDES_THE_BACK])
+    assert rack.pose == pytest.approx(PLACE, abs=0.03)
+    assert rack.spec == STANDARD
+
+
+def test_two_legs_elsewhere_are_none(begin) -> None:
+    assert not shown(begin, None, [*rack_at(PLACE), HIDES_THE_BACK])
+    assert not shown(begin, (4.0, 4.3, 0.0), [*rack_at(PLACE), HIDES_THE_BACK])
+
+
+def test_two_posts_at_a_registered_point_are_none_where_the_other_legs_are_seen_to_be_missing(begin) -> None:
+    posts = [leg for leg in rack_at(PLACE) if leg[:, 0].mean() < PLACE[0]]
+    assert len(posts) == 2 and not shown(begin, PLACE, posts)
