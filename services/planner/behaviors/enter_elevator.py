@@ -37,6 +37,7 @@ from rackhand.services.planner.map.overlays import Zone
 from rackhand.services.planner.perception.lift_view import (
     DoorWatch,
     Doorway,
+    doorway_in_sight,
     find_doorway,
     hiding,
     lift_at,
@@ -131,6 +132,8 @@ class EnterElevator:
 
     def _look(self, ctx: Context) -> LiftView | None:
         """None while the chassis is too far away, or too far aside, to judge."""
+        if self._doorway is None:  # no path yet: something may be in the way of every one
+            self._doorway = doorway_in_sight(ctx.costmap.static, self._zone, ctx.pose[:2], self._at)
         body = transformed(ctx.pose, ctx.footprint.polygon)
         where = whereabouts(self._zone, body)
         if self._doorway is not None:

@@ -151,6 +151,18 @@ def find_doorway(static: StaticMap, zone: Zone, path: Array) -> Doorway | None:
     return Doorway(middle, along, left, right)
 
 
+def doorway_in_sight(static: StaticMap, zone: Zone, start: Array, place: Array) -> Doorway | None:
+    """Where the straight line from ``start`` to a place in a zone, (2,) each, enters it; None if a mapped obstacle is
+    on the line."""
+    g, way = static.geometry, place - start
+    shares = np.linspace(0.0, 1.0, max(math.ceil(2.0 * math.hypot(*way) / g.resolution), 1) + 1)
+    line = start + shares[:, None] * way
+    cells = [g.cell(x, y) for x, y in line.tolist()]
+    if any(static.occupied[cell] for cell in cells if 0 <= cell[0] < g.rows and 0 <= cell[1] < g.columns):
+        return None
+    return find_doorway(static, zone, np.column_stack([line, np.full(len(line), math.atan2(way[1], way[0]))]))
+
+
 def _side_near(ring: Array, point: Array) -> Array:
     """Unit vector along that side of a closed ring (n, 2) that is nearest to a point."""
     sides = np.diff(ring, axis=0)
