@@ -78,6 +78,7 @@ class Bus:
         self._config = config or BusConfig()
         self._readers: list[Inbox | Newest] = []
         self._handles: list[Any] = []
+        self._parts: dict[ServiceId, Any] = {}  # tokens of those it plays for others
         self.stopping = False
         self._reporter: Reporter | None = None
 
@@ -93,7 +94,7 @@ class Bus:
             self._reporter.close()
         for reader in self._readers:
             reader.close()
-        for handle in self._handles:
+        for handle in (*self._handles, *self._parts.values()):
             handle.undeclare()
         self._session.close()  # type: ignore[no-untyped-call]
 
@@ -204,9 +205,18 @@ class Bus:
     def announce(self, *parts: ServiceId) -> None:
         """Declare liveliness tokens: this service is ready, and so are the ``parts`` it plays for others (a simulator
         is the driver of each robot). They disappear when the process ends, however it ends."""
-        for service in (*parts, self.service):
-            self._handles.append(self._session.liveliness().declare_token(service.key))
+        for part in parts:
+            self.announce_part(part)
+        self._handles.append(self._session.liveliness().declare_token(self.service.key))
         self._reporter = Reporter(self.publisher(BUS_STATS, self.service.robot), self.stats)
+
+    def announce_part(self, part: ServiceId) -> None:
+        """Declare the token of one of the parts, which has none; ``withdraw`` ends it."""
+        self._parts[part] = self._session.liveliness().declare_token(part.key)
+
+    def withdraw(self, part: ServiceId) -> None:
+        """The part that was announced is gone, though this process is not."""
+        self._parts.pop(part).undeclare()
 
     def stats(self) -> BusStats:
         """What all its readers have received so far."""

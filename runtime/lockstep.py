@@ -5,7 +5,7 @@ from __future__ import annotations
 from rackhand.bus import Bus, CallTimeout, Refused, Unavailable
 from rackhand.bus.log import get_logger
 from rackhand.schemas import topics
-from rackhand.schemas.service import WORLD, ServiceId
+from rackhand.schemas.service import DRIVER, WORLD, ServiceId
 from rackhand.schemas.world import Join, WorldRequest
 
 log = get_logger(__name__)
@@ -22,8 +22,13 @@ class LockstepParticipant:
         self._simulated = False
         self._run: str | None = None
         self._due = False
+        self._driver_left = False
 
     def presence(self, service: ServiceId, alive: bool) -> None:
+        """Also of the robot's driver: who has lost it does not take part, and joins again when it is back."""
+        if service == ServiceId(DRIVER, self._join.robot):
+            self._due = self._due or (alive and self._driver_left and self._simulated)
+            self._driver_left = not alive
         if service == SIMULATOR:
             self._simulated = self._due = alive
             if not alive:

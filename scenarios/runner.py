@@ -136,6 +136,7 @@ class Runner:
         undo = self._undo
         for fault in undo.faults:
             self._world(self._fault(fault, active=False))
+        self._wait_for_planner()  # which has lost a driver that was gone
         for name in undo.placed:
             self._world(Remove(name=name))
         if undo.map:
@@ -263,7 +264,9 @@ class Runner:
         move = self._finish(self._played.expect.within + GRACE)
         took = self._now - self._posted if move["state"] in TERMINAL else None
         frame = self._api.drain() if took is None else self._api.final_state(self._move, move["state"])
-        return Outcome(move, frame, took, self._contacts)
+        asked = self._played.expect.explain is not None and took is not None
+        explained = self._api.ask("GET", f"/chassis/moves/{self._move}/explain") if asked else {}
+        return Outcome(move, frame, took, self._contacts, explained)
 
     def _finish(self, within: float) -> Json:
         """The newest move when it has ended, or as it is after so many seconds."""

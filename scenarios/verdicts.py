@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from rackhand.scenarios.explanations import unexplained
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.worlds.scenario_model import Expectation
 
@@ -15,13 +16,15 @@ Json = dict[str, Any]
 @dataclass(frozen=True)
 class Outcome:
     """Of the judged move: its REST object, the newest frame of ``/planning_state``, the seconds of simulation time from
-    its request to its end (None if it did not end in time), and the contacts of the robot by then.
+    its request to its end (None if it did not end in time), the contacts of the robot by then, and the answer of
+    ``explain`` where the scenario expects something of it.
     """
 
     move: Json
     frame: Json
     took: float | None
     contacts: tuple[str, ...] = ()
+    explained: Json = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,8 @@ def _problems(expect: Expectation, outcome: Outcome) -> Iterable[str]:
     if len(outcome.contacts) > expect.contacts:
         touched = ", ".join(sorted(set(outcome.contacts)))
         yield f"{len(outcome.contacts)} contacts, with {touched}; expected at most {expect.contacts}"
+    if expect.explain is not None:
+        yield from unexplained(expect.explain, expect.state, outcome.explained)
 
 
 def table(verdicts: Sequence[Verdict]) -> str:

@@ -22,6 +22,8 @@ ThingKind = Literal[
     "rack leg",
     "rack point",
     "charger",
+    "lift",
+    "lift door",
     "edge of the map",
     "route point",
     "goal",

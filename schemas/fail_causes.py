@@ -7,9 +7,9 @@ from typing import Literal
 
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 
-Met = Literal["move", "size", "device", "unused"]
-"""By a ``move`` of a type of the API, with a scenario for it; by one in a hall of a ``size`` that no scenario has; only
-with a ``device`` that this chassis has none of; or never: ``unused``."""
+Met = Literal["move", "device", "unused"]
+"""By a ``move`` of a type of the API, with a scenario for it; only with a ``device`` that this chassis has none of; or
+never: ``unused``."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ CAUSES: dict[Reason, Cause] = {
         "no way leads to the goal: the ground between is not connected, or a given line is blocked on the map"
     ),
     Reason.CALCULATION_TIMEOUT: Cause(
-        "the search for a path was ended after 6 million places: in a hall of more than about 30 x 30 m, where a way "
-        "exists for a circle inside the footprint but none for the footprint, and after minutes of computing",
-        "size",
+        "the search for a path tried as many places as the setting `planning.search_limit` allows and found none; with "
+        "the default of 6 million only in a hall of more than about 30 x 30 m, where a way exists for a circle inside "
+        "the footprint but none for the footprint"
     ),
     Reason.NO_GLOBAL_PATH: Cause(
         "a way exists for a circle inside the footprint, but none on which the footprint can turn"

@@ -73,6 +73,11 @@ FAULTS = {
         ),
         FaultKind("power_cable", "chassis", "a charging cable is plugged in"),
         FaultKind("emergency_stop_button", "chassis", "the emergency stop button is pressed"),
+        FaultKind(
+            "driver_gone",
+            "chassis",
+            "its driver disconnects: it measures nothing, takes no commands, and the chassis brakes",
+        ),
         FaultKind("pose_lost", "chassis", "no localised pose"),
         FaultKind("kidnapped", "chassis", "set down elsewhere, which odometry does not measure", pose="at"),
         FaultKind(

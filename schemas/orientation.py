@@ -61,6 +61,8 @@ TOLERANCE = 2e-3
 """How far a quaternion, an axis or a matrix may be from a rotation; the nearest rotation is taken. CRF's 1e-12 refuses
 ordinary rounded input, and clients send three or four digits."""
 
+_SINGULAR = 1e-15  # sine of the middle angle below which the outer angles of a Cardan or Euler form are one
+
 
 class Representation(IntEnum):
     """The order in which CRF lists the representations; where several are given, the first wins."""
@@ -174,12 +176,13 @@ class CardanForm(_Form):
 
     @classmethod
     def of(cls, rotation: Matrix3) -> Self:
-        """Where the pitch is ±π/2 only x∓z is determined; z is then 0."""
+        """Where the pitch is ±π/2 only x∓z is determined; z is then 0. Near it x is what z leaves of the turn, so that
+        rounding errors of the two cancel."""
         level = math.hypot(rotation[0, 0], rotation[1, 0])
-        y = math.atan2(-rotation[2, 0], level)
-        if level < 1e-9:
-            return cls(x=math.atan2(-rotation[1, 2], rotation[1, 1]), y=y, z=0.0)
-        return cls(x=math.atan2(rotation[2, 1], rotation[2, 2]), y=y, z=math.atan2(rotation[1, 0], rotation[0, 0]))
+        z = math.atan2(rotation[1, 0], rotation[0, 0]) if level >= _SINGULAR else 0.0
+        c, s = math.cos(z), math.sin(z)
+        x = math.atan2(s * rotation[0, 2] - c * rotation[1, 2], c * rotation[1, 1] - s * rotation[0, 1])
+        return cls(x=x, y=math.atan2(-rotation[2, 0], level), z=z)
 
 
 class EulerForm(_Form):
@@ -194,12 +197,16 @@ class EulerForm(_Form):
 
     @classmethod
     def of(cls, rotation: Matrix3) -> Self:
-        """Where x is 0 or π only z2±z1 is determined; z1 is then 0."""
+        """Where x is 0 or π only z2±z1 is determined; z1 is then 0. Near it z1 is what z2 leaves of the turn, so that
+        rounding errors of the two cancel."""
         tilt = math.hypot(rotation[0, 2], rotation[1, 2])
         x = math.atan2(tilt, rotation[2, 2])
-        if tilt < 1e-9:
+        if tilt < _SINGULAR:
             return cls(z1=0.0, x=x, z2=math.atan2(rotation[1, 0], rotation[0, 0]))
-        return cls(z1=math.atan2(rotation[2, 0], rotation[2, 1]), x=x, z2=math.atan2(rotation[0, 2], -rotation[1, 2]))
+        z2 = math.atan2(rotation[0, 2], -rotation[1, 2])
+        c, s = math.cos(z2), math.sin(z2)
+        z1 = math.atan2(-c * rotation[0, 1] - s * rotation[1, 1], c * rotation[0, 0] + s * rotation[1, 0])
+        return cls(z1=z1, x=x, z2=z2)
 
 
 Form = QuaternionForm | MatrixForm | AngleAxisForm | CardanForm | EulerForm

@@ -142,6 +142,12 @@ SETTINGS = (
         "has arrived (an extension)",
     ),
     Setting(
+        "search_limit",
+        "planning.search_limit",
+        "float",
+        "places that a search for a path may try; a move whose path is not found by then fails with 10 (an extension)",
+    ),
+    Setting(
         "rack_specs",
         "rack.specs",
         "RackSpecs",
@@ -184,6 +190,7 @@ class Parameters(DriveParameters):
     footprint_expansion: float = 0.0
     ignore_objects_under_rack: bool = True
     refuse_moves_while_jacking: bool = False
+    search_limit: float = 6_000_000.0
     rack_specs: RackSpecs = ()
 
 
@@ -211,6 +218,7 @@ class ParameterChanges(DriveParameterChanges):
     footprint_expansion: float | None = None
     ignore_objects_under_rack: bool | None = None
     refuse_moves_while_jacking: bool | None = None
+    search_limit: float | None = None
     rack_specs: RackSpecs | None = None
 
 

@@ -27,6 +27,7 @@ from rackhand.testing.poses import planar
 from rackhand.testing.world import WorldControl
 
 PATIENCE = 20.0  # s of wall time; only ever bounds a failure
+AGAIN = 1.0  # s of wall time without things, after which a paused world is asked for them
 PERIOD_NS = round(NANOSECONDS / topics.OBJECTS.rate)  # of ground-truth poses
 
 
@@ -70,7 +71,9 @@ class Judge(WorldControl):
             self._newest = None
         deadline = time.monotonic() + PATIENCE
         while self._newest is None or (clock.paused and not 0 <= clock.stamp - self._newest.stamp < PERIOD_NS):
-            self._take(timeout=max(deadline - time.monotonic(), 0.0))
+            self._take(timeout=AGAIN)
+            if self._newest is None and clock.paused:
+                self.pause()  # a paused world publishes its things again; what it published before was not received
             if time.monotonic() > deadline:
                 raise Unavailable("the simulator publishes no ground-truth poses")
         return {thing.name: thing for thing in self._newest.objects}

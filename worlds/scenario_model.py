@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from rackhand.schemas.explain import Role, ThingKind
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.faults import FaultName
 from rackhand.worlds.data import (
@@ -154,14 +155,36 @@ class Step(Data):
         return self
 
 
+class NamedThing(Data):
+    """A thing that an explanation must name: its kind and role (``rackhand.schemas.explain.Thing``), within so many
+    metres of ``at``, and its name, where these are given."""
+
+    kind: ThingKind
+    role: Role = "blocks"
+    name: str | None = None
+    at: Point | None = None
+    within: Positive = 0.3
+
+
+class Explained(Data):
+    """What ``explain`` must say of the judged move: all ``words`` in its cause, all ``things``, and measures of these
+    names, each of which misses what was expected."""
+
+    words: tuple[str, ...] = ()
+    things: tuple[NamedThing, ...] = ()
+    measures: tuple[str, ...] = ()
+
+
 class Expectation(Data):
     """What must be true of the judged move: its final ``state`` within so many seconds of its request, the ``reason``,
-    all these ``text`` parts in its fail_message, and no more ``contacts`` of the robot than these.
+    all these ``text`` parts in its fail_message, what ``explain`` says of it, and no more ``contacts`` of the robot
+    than these.
     """
 
     state: Literal["succeeded", "failed", "cancelled"]
     reason: Reason = MoveFailReason.NONE
     text: tuple[str, ...] = ()
+    explain: Explained | None = None
     within: Positive
     contacts: Annotated[int, Field(ge=0)] = 0
 

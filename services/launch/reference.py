@@ -23,7 +23,7 @@ from rackhand.schemas.motion import RefusalDetail
 from rackhand.schemas.parameters import SETTINGS
 from rackhand.schemas.racks import RackSpec
 from rackhand.services.launch import access_control, asyncapi
-from rackhand.worlds.scenario_model import installed_scenarios, read_scenario
+from rackhand.worlds.scenario_model import Scenario, installed_scenarios, read_scenario
 
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
@@ -78,11 +78,13 @@ def fail_reason_table() -> Table:
 def fail_matrix() -> Table:
     """Header and rows of the reasons that a move can meet: cause, scenarios, and how each shows."""
     scenarios = _scenarios_by_reason()
+    explained = {reason: [_explained(scenario) for scenario in found] for reason, found in scenarios.items()}
     header: tuple[str, ...] = (
         "code",
         "name",
         "cause",
         "scenarios",
+        "what `explain` names",
         "`fail_reason_str` of `/planning_state`",
         "of REST",
     )
@@ -91,7 +93,8 @@ def fail_matrix() -> Table:
             str(int(reason)),
             reason.doc_name,
             CAUSES[reason].text,
-            ", ".join(f"[{name}](../worlds/{world}/scenarios/{name}.yaml)" for name, world in scenarios[reason]) or "–",
+            ", ".join(f"[{s.name}](../worlds/{s.world}/scenarios/{s.name}.yaml)" for s in scenarios[reason]) or "–",
+            "; ".join(dict.fromkeys(explained[reason])) or "–",
             f"`{reason.topic_string}`",
             f"`{reason.rest_string}`",
         )
@@ -112,13 +115,22 @@ def other_fail_reasons() -> Table:
     return header, rows
 
 
-def _scenarios_by_reason() -> dict[MoveFailReason, list[tuple[str, str]]]:
-    """Reason → name and world of each scenario that provokes it."""
-    found: dict[MoveFailReason, list[tuple[str, str]]] = {reason: [] for reason in MoveFailReason}
+def _scenarios_by_reason() -> dict[MoveFailReason, list[Scenario]]:
+    """Reason → the scenarios that provoke it."""
+    found: dict[MoveFailReason, list[Scenario]] = {reason: [] for reason in MoveFailReason}
     for path in installed_scenarios().values():
         scenario = read_scenario(path)
-        found[scenario.expect.reason].append((scenario.name, scenario.world))
+        found[scenario.expect.reason].append(scenario)
     return found
+
+
+def _explained(scenario: Scenario) -> str:
+    """What ``explain`` must name in that scenario."""
+    named = scenario.expect.explain
+    if named is None:
+        return ""
+    things = [f"{'' if one.role == 'blocks' else f'{one.role}: '}{one.kind}" for one in named.things]
+    return ", ".join([*dict.fromkeys(things), *(f"“{words}”" for words in named.words), *named.measures])
 
 
 def fault_table() -> Table:

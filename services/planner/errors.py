@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from rackhand.schemas.explain import Evidence
+from collections.abc import Sequence
+
+from rackhand.schemas.explain import Evidence, Measure, Thing
 from rackhand.schemas.fail_reasons import MoveFailReason
 
 
@@ -15,6 +17,12 @@ class MoveFailed(Exception):
         self.reason = reason
         self.text = text
         self.evidence = evidence or Evidence()
+
+    def about(self, *things: Thing | None, measures: Sequence[Measure] = ()) -> MoveFailed:
+        """The same failure, of which these are known beside what was known before; without those that are None."""
+        known = self.evidence
+        found = (*known.things, *(thing for thing in things if thing is not None))
+        return MoveFailed(self.reason, self.text, Evidence(things=found, measures=(*known.measures, *measures)))
 
 
 class StoreError(Exception):

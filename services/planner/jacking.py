@@ -7,6 +7,7 @@ from typing import Literal
 
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.chassis import CheckState, Jack
+from rackhand.schemas.explain import Measure
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 
 Direction = Literal["up", "down"]
@@ -19,6 +20,11 @@ TIME_LIMIT_NS = 40 * NANOSECONDS  # a whole stroke takes about 12 s
 class _Order:
     direction: Direction
     started: int | None = None
+
+
+def jack_height(progress: float) -> Measure:
+    """Of a jack that had to be down, as evidence. ``progress``: 0 to 1."""
+    return Measure(name="height of the jack", value=round(progress, 3), expected=0.0)
 
 
 class JackOrders:

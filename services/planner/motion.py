@@ -6,8 +6,11 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
 
+import numpy as np
+
 from rackhand.schemas.base import Twist2
 from rackhand.schemas.chassis import ChassisModel
+from rackhand.schemas.explain import Thing
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import MapData
 from rackhand.schemas.moves import MoveCreate
@@ -21,9 +24,10 @@ from rackhand.services.planner.control.load_limits import load_limits
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.footprint import Footprint
+from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.load import Load, LoadState, Measured, next_load
 from rackhand.services.planner.map.grid import StaticMap
-from rackhand.services.planner.perception.carried_rack import WITNESSES, CarriedRack, objects_under
+from rackhand.services.planner.perception.carried_rack import WITNESSES, CarriedRack, Moved, objects_under
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.perception.lift_view import is_in_lift
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
@@ -51,7 +55,7 @@ class Motion:
         self.load = Load()
         self.load_changed = False
         self._carried = CarriedRack()
-        self._rack_moved: str | None = None
+        self._rack_moved: Moved | None = None
         self.footprint: Footprint | None = None
         self._avoidance = DynamicAvoidance(settings)
         self._guard = BrakingGuard()
@@ -87,6 +91,11 @@ class Motion:
         own = load_limits(self._unloaded, load)
         self.settings = replace(self.settings, own=own).commanding(limits.within(own))
         self._avoidance.set_limits(self.settings.control)
+
+    def set_search_limit(self, places: int) -> None:
+        """How many places a search for a path may try, from the next search on."""
+        self._configured = replace(self._configured, max_expansions=places)
+        self.settings = replace(self.settings, max_expansions=places)
 
     def set_racks(self, specs: tuple[RackSpec, ...], ignore_objects_under_rack: bool) -> None:
         """The kinds of racks that may be carried, from the next move on; and whether what is under a carried one holds
@@ -182,7 +191,7 @@ class Motion:
             self.perception.begin(stamp)
         self.perception.check_scan(stamp)
         if self._rack_moved is not None:
-            raise MoveFailed(MoveFailReason.RACK_MOVED, self._rack_moved)
+            raise self._has_moved(self._rack_moved, pose)
         if (fault := self.perception.scan_fault(stamp) or self._under_rack()) is not None:
             self.move.hold(fault)
             return None
@@ -206,6 +215,13 @@ class Motion:
             self._take_load(outcome.load)
             self.load_changed = True
         return outcome
+
+    def _has_moved(self, moved: Moved, chassis: Pose) -> MoveFailed:
+        failed = MoveFailed(MoveFailReason.RACK_MOVED, moved.text)
+        if self.load.rack_pose is None:
+            return failed.about(measures=moved.measures)
+        x, y, _ = se2.compose(chassis, np.array(self.load.rack_pose)).round(3).tolist()
+        return failed.about(Thing(role="seen", kind="rack", x=x, y=y), measures=moved.measures)
 
     def _under_rack(self) -> str | None:
         """Why a move with a rack must wait for what is under it; None if it need not."""

@@ -31,6 +31,7 @@ from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.settings import DEFAULT_RACKS, Limits
 
 MAX_EXPANSION = 0.5  # m
+LEAST_SEARCH, MOST_SEARCH = 1_000.0, 6_000_000.0  # a hall of 100 m has 4 million cells
 MIN_LOADED = 0.05  # m/s and rad/s: a load must not stop the chassis
 LOAD_STEP = 0.03  # of the greatest load, by which a measured weight must differ to change the velocities
 MIN_ACC = 0.1  # m/s²: with less, starting and stopping take longer than a move may be without progress
@@ -63,6 +64,7 @@ def ranges(basis: Basis) -> dict[str, Range]:
         "weight_min_linear": (MIN_LOADED, limits.max_forward_velocity, "m/s"),
         "weight_min_angular": (MIN_LOADED, limits.max_angular_velocity, "rad/s"),
         "footprint_expansion": (0.0, MAX_EXPANSION, "m"),
+        "search_limit": (LEAST_SEARCH, MOST_SEARCH, "places"),
     }
     return {name: Range(low=low, high=high, unit=unit) for name, (low, high, unit) in spans.items()}
 
@@ -185,6 +187,7 @@ class ParameterService:
             self._basis = replace(self._basis, limits=limits)
         self.values = in_force(self._store.changes, self._basis)
         self._motion.set_racks(self.values.rack_specs, self.values.ignore_objects_under_rack)
+        self._motion.set_search_limit(int(self.values.search_limit))
         if limits is not None:
             self._motion.set_limits(commanded(self.values, limits, self._load), self._load)
 

@@ -17,7 +17,7 @@ from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.service import DRIVER, WORLD, ServiceId
 from rackhand.schemas.topics import Topic
 from rackhand.schemas.world import WorldReply, WorldRequest
-from rackhand.services.sim.session import Session
+from rackhand.services.sim.session import CHASSIS_COMMANDER, Session
 from rackhand.services.sim.simulation import Output
 from rackhand.worlds.world_model import CONTROL_STEP_NS
 
@@ -52,6 +52,7 @@ class SimService:
         self._inbox.on_request(topics.WORLD_CONTROL, self._serve, WORLD)
         self._inbox.on_presence(self._presence)
         self._robots = (*session.simulation.robots, *session.simulation.arms, *session.simulation.lifts)
+        self._gone: set[str] = set()  # robots whose driver has the fault that it is gone
         self._advancing: Request[WorldRequest, WorldReply] | None = None
         self._faults: set[tuple[str, str]] = set()
         self._waiting_for = ""
@@ -111,6 +112,8 @@ class SimService:
             return request.refuse(refused.code, refused.text)
         if order.op not in ("inspect", "advance"):  # which come many times a second
             log.info(f"request: {order.op}", **order.model_dump(exclude={"op"}, exclude_defaults=True))
+        if self._follow_drivers() and reply is not None:
+            reply = self._session.reply()
         if order.op in ("reset", "pause") and self._advancing is not None:
             self._advancing.refuse(RefusalCode.PRECONDITION, f"{order.op} came before the end of the advance")
             self._advancing = None
@@ -135,6 +138,20 @@ class SimService:
             self._advancing.reply(self._session.reply())
             self._advancing = None
 
+    def _follow_drivers(self) -> bool:
+        """A driver that a request has made disappear or come back shows it as one on hardware would: by its liveliness
+        token, and by what it publishes. False for none."""
+        robots = self._session.simulation.robots
+        gone = {name for name, robot in robots.items() if robot.driver_gone}
+        for name in gone - self._gone:
+            self._bus.withdraw(ServiceId(DRIVER, name))
+            self._session.gone(ServiceId(CHASSIS_COMMANDER, name))
+        before, self._gone = self._gone, gone
+        for name in before - gone:
+            self._publish(topics.CHASSIS_MODEL, name, robots[name].chassis_model())
+            self._bus.announce_part(ServiceId(DRIVER, name))
+        return before != gone
+
     # -- publications ------------------------------------------------------------------------------------------------
 
     def _publish(self, topic: Topic[Any], robot: str, message: Message) -> None:
@@ -146,7 +163,8 @@ class SimService:
 
     def _publish_all(self, outputs: Iterable[Output]) -> None:
         for output in outputs:
-            self._publish(output.topic, output.robot, output.message)
+            if output.robot not in self._gone:
+                self._publish(output.topic, output.robot, output.message)
 
     def _publish_clock(self) -> None:
         self._publish(topics.CLOCK, WORLD, self._session.clock)

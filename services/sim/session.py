@@ -137,7 +137,7 @@ class Session:
                 self.gone(ServiceId(service, robot))
             case Pause(paused=paused):
                 self.pacer.pause(paused)
-                self.changes.clock = True
+                self.changes.clock = self.changes.things = True
             case Advance(duration_ns=duration):
                 self._advance(duration)
                 return None

@@ -1,4 +1,5 @@
-"""A lift in physics: a round trip, fail reasons by their causes, doors that close, and what ends a move in the doorway.
+"""A lift in physics: a round trip, each fail reason by its cause, doors that close, and what ends or holds a move
+before the lift, in its doorway and in its cabin.
 
 One cell for all: each test begins with a chassis before the lift, whose doors are open at its floor unless it says
 otherwise.
@@ -7,7 +8,7 @@ otherwise.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -39,18 +40,22 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[JoinedWorld]:
 
 @pytest.fixture
 def user(cell: JoinedWorld) -> Iterator[LiftUser]:
-    """The chassis waits before the lift, which is open at its floor and stays so for 10 s. Nothing touches a door or
-    anything else in any test."""
+    """As after ``begin``. Nothing touches a door or anything else in any test."""
     user, before = LiftUser(cell.chassis()), cell.inspect().contact_count
     user.driver.use_stored_map()
-    cell.ask(MoveRobot(robot=ROBOT, pose=user.waiting(DOWN)))
-    user.call(DOWN)
-    user.ask(HoldDoor(client=CLIENT))
-    cell.advance(0.6)
+    begin(user)
     yield user
     user.driver.ask(SetControlMode(control_mode="auto"))
     user.driver.ask(SetEmergencyStop(enable=False))
     assert cell.inspect().contact_count == before, cell.inspect().contacts
+
+
+def begin(user: LiftUser) -> None:
+    """The chassis waits before the lift, which is open at its floor and stays so for 10 s."""
+    user.world.ask(MoveRobot(robot=ROBOT, pose=user.waiting(DOWN)))
+    user.call(DOWN)
+    user.ask(HoldDoor(client=CLIENT))
+    user.world.advance(0.6)
 
 
 @contextmanager
@@ -134,6 +139,21 @@ def test_301_a_lift_that_someone_else_has_taken(user: LiftUser) -> None:
     assert user.finish(move).state == "succeeded", user.driver.move(move).fail_message
 
 
+def test_302_something_that_hides_the_cabin(user: LiftUser) -> None:
+    hide(user, 2.9)  # no path is left
+    begun, move = user.world.now(), user.enter(DOWN)
+    failed = user.finish(move)
+    user.world.ask(Remove(name="crate"))
+    assert failed.fail_reason == Reason.ELEVATOR_POINT_OBSCURED_TIMEOUT, failed.fail_message
+    assert 20.0 < user.world.now() - begun < 22.0
+    assert away(user, *as_tuple(user.waiting(DOWN))) < 0.15, "it stopped where it waited"
+
+
+def hide(user: LiftUser, y: float) -> None:
+    """The place in the cabin, behind a crate."""
+    user.world.ask(Place(name="crate", pose=Pose2(x=18.6, y=y, yaw=0.0), size=(0.9, 0.2, 0.6)))
+
+
 def test_303_a_mapped_screen_before_the_place(user: LiftUser) -> None:
     """What is behind a wall of the map is unknown, and nothing new hides it."""
     data = user.driver.ask_maps(GetMap()).data
@@ -187,31 +207,89 @@ def test_a_door_that_closes_behind_the_nose_lets_the_chassis_in(user: LiftUser) 
 # -- what interrupts it ------------------------------------------------------------------------------------------------
 
 
+def waits(user: LiftUser) -> int:
+    """A move that waits before something that hid the place until now."""
+    hide(user, DOOR_Y + 0.15)
+    move = user.enter(DOWN)
+    user.world.advance(1.2)
+    assert "is_waiting_for_dest" in flags(user)
+    user.world.ask(Remove(name="crate"))
+    return move
+
+
 def enters(user: LiftUser) -> int:
     move = user.enter(DOWN)
     user.world.wait_for(lambda: True if user.world.true_pose(ROBOT).y < 2.5 else None, "in the doorway", 10.0, 0.04)
     return move
 
 
-@pytest.mark.parametrize("end", ["cancel", "replace", "remote", "restart"])
-def test_what_ends_it_in_the_doorway(user: LiftUser, end: str) -> None:
-    move, driver = enters(user), user.driver
-    where = "in_elevator" in flags(user)
-    if end == "cancel":
-        driver.cancel()
-    elif end == "replace":
-        assert user.finish(user.leave(DOWN, "return_to_elevator_waiting_point")).state == "succeeded"
-    elif end == "remote":
-        driver.ask(SetControlMode(control_mode="remote"))
-    else:
-        driver.restart()
+def turns(user: LiftUser) -> int:
+    """In the cabin, turning to the door."""
+    x, y, yaw = user.cabin(DOWN)
+    user.world.ask(MoveRobot(robot=ROBOT, pose=Pose2(x=x, y=y, yaw=-yaw)))
+    user.world.advance(0.6)
+    move = user.enter(DOWN)
     user.world.advance(1.0)
-    ended = driver.move(move)
-    assert (ended.state, ended.fail_reason) == (
-        ("failed", Reason.PLATFORM_ALERT_ERROR) if end == "restart" else ("cancelled", 0)
-    )
-    assert driver.stays_still() and "is_waiting_for_dest" not in flags(user)
-    assert end == "replace" or ("in_elevator" in flags(user)) is where
+    assert "in_elevator" in flags(user) and user.driver.odometry[-1].twist.angular != 0.0
+    return move
+
+
+@pytest.mark.parametrize("stage", [waits, enters, turns])
+def test_what_ends_and_what_holds_it(user: LiftUser, stage: Callable[[LiftUser], int]) -> None:
+    driver = user.driver
+    for end in (cancel, replace, remote, restart):
+        begin(user)
+        move = stage(user)
+        where = "in_elevator" in flags(user)
+        expected = end(user)
+        user.world.advance(1.0)
+        ended = driver.move(move)
+        assert (ended.state, ended.fail_reason) == expected, end
+        assert driver.stays_still() and "is_waiting_for_dest" not in flags(user), end
+        assert end is replace or ("in_elevator" in flags(user)) is where, end
+        driver.ask(SetControlMode(control_mode="auto"))
+    begin(user)
+    move = stage(user)
+    driver.ask(SetEmergencyStop(enable=True))
+    user.world.advance(1.0)
+    assert driver.stays_still() and driver.move(move).state == "moving"
+    driver.ask(SetEmergencyStop(enable=False))
+    assert user.finish(move).state == "succeeded", driver.move(move).fail_message
+    assert away(user, *user.cabin(DOWN)) < 0.05
+
+
+End = tuple[str, int]
+
+
+def cancel(user: LiftUser) -> End:
+    user.driver.cancel()
+    return "cancelled", 0
+
+
+def replace(user: LiftUser) -> End:
+    assert user.finish(user.leave(DOWN, "return_to_elevator_waiting_point")).state == "succeeded"
+    return "cancelled", 0
+
+
+def remote(user: LiftUser) -> End:
+    user.driver.ask(SetControlMode(control_mode="remote"))
+    return "cancelled", 0
+
+
+def restart(user: LiftUser) -> End:
+    user.driver.restart()
+    return "failed", Reason.PLATFORM_ALERT_ERROR
+
+
+def test_a_chassis_that_is_stopped_between_the_doors_is_not_touched(user: LiftUser) -> None:
+    """For longer than the lift waits, while nobody holds the door."""
+    move = enters(user)
+    user.driver.ask(SetEmergencyStop(enable=True))
+    user.world.advance(12.0)
+    assert user.state.blocked and user.state.door == "open"
+    assert user.driver.planning_state.move_state == "moving" and "in_elevator" not in flags(user)
+    user.driver.ask(SetEmergencyStop(enable=False))
+    assert user.finish(move).state == "succeeded", user.driver.move(move).fail_message
 
 
 @pytest.mark.parametrize(

@@ -56,3 +56,19 @@ def test_a_simulator_that_does_not_answer_is_asked_again() -> None:
     for _ in range(4):
         lockstep.join_if_due()
     assert len(bus.calls) == 3
+
+
+def test_who_has_lost_its_driver_joins_again_when_it_is_back() -> None:
+    bus, driver = ListBus(), ServiceId("driver", "amr1")
+    lockstep = participant(bus)
+    lockstep.presence(SIMULATOR, True)
+    lockstep.presence(driver, True)
+    lockstep.join_if_due()
+    lockstep.presence(ServiceId("driver", "amr2"), False)
+    lockstep.presence(driver, False)
+    lockstep.join_if_due()
+    assert len(bus.calls) == 1
+    lockstep.presence(driver, True)
+    lockstep.join_if_due()
+    lockstep.join_if_due()
+    assert len(bus.calls) == 2

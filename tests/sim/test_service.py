@@ -115,6 +115,25 @@ def test_it_is_the_driver_of_each_robot_until_it_ends(start: Any) -> None:
             there.add(event.service)
 
 
+def test_a_driver_that_is_gone_has_no_token_measures_nothing_and_is_waited_for_by_nobody(start: Any) -> None:
+    peer = start(awaited=(PLANNER,), lockstep=True)
+    peer.ask(asked.Pause(paused=True))
+    peer.join()
+    driver = ServiceId(DRIVER, "amr1")
+    gone = asked.InjectFault(target="amr1", fault="driver_gone")
+    assert peer.ask(gone).participants == ()
+    while (event := peer.heard.get(timeout=20)) != Presence(driver, False):
+        assert event is not None, "the token of the driver stays"
+    peer.ask(asked.Advance(duration_ns=10 * PERIOD))  # nobody answers
+    late = ChassisCommand(answers=0, twist=Twist2(linear=0.4, angular=0.0))
+    peer.commands.put(late)
+    peer.ask(gone.model_copy(update={"active": False}))
+    while (event := peer.heard.get(timeout=20)) != Presence(driver, True):
+        assert not isinstance(event, Sample), f"a driver that is gone measured {event}"
+    peer.join()
+    assert peer.next_odometry().stamp == 10 * PERIOD
+
+
 def test_it_waits_at_zero_until_all_have_joined_and_publishes_the_step_to_a_participant_that_joins(start: Any) -> None:
     peer = start(awaited=(PLANNER,), lockstep=True)
     assert peer.ask(asked.Inspect()).clock.stamp == 0

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -64,16 +65,31 @@ def test_rack_job(cell: Cell, world: WorldControl) -> None:
     assert world.contacts() == ()
 
 
-def test_arm_path(cell: Cell) -> None:
-    printed = run("06_arm_path.py", cell.http)
-    assert "joints [0.0, -1.57, 1.57, -1.57, -1.57, 0.0]" in printed.replace("-0.0", "0.0")
-    assert "given back: True" in printed
+def test_follower(cell: Cell, world: WorldControl) -> None:
+    world.move("amr1", (3.5, 7.4, 0.0))
+    apart = re.findall(r"([0-9.]+) m from it", run("05_follower.py", cell.http, "5.0", "6.5"))
+    assert 1.0 < float(apart[-1]) < 1.4
+    assert world.contacts() == ()
+
+
+def test_arm_pick(cell: Cell) -> None:
+    printed = run("06_arm_pick.py", cell.http)
+    assert printed.splitlines() == ["holding", "released", "given back: True"]
+    x, y, z = cell.objects()["parcel_red"].position
+    assert (x, y, z) == pytest.approx((18.05, 11.6, 0.75), abs=0.02), "it stands on the table where it was set down"
 
 
 def test_subscriber(cell: Cell) -> None:
     poses = re.findall(r"x (\S+) m  y (\S+) m", run("07_subscriber.py", cell.bus))
     assert len(poses) == 5
     assert all((float(x), float(y)) == pytest.approx((2.5, 1.5), abs=0.05) for x, y in poses)
+
+
+def test_new_topic(cell: Cell) -> None:
+    reports = re.findall(r"(\S+) s  (\S+) m", run("08_new_topic.py", cell.bus))
+    assert len(reports) == 4
+    stamps = [float(stamp) for stamp, _ in reports]
+    assert stamps == sorted(set(stamps)) and float(reports[-1][1]) < 0.05, "the robot rests"
 
 
 def test_judge(cell: Cell) -> None:
@@ -86,3 +102,17 @@ def test_judge(cell: Cell) -> None:
 def test_fault_scenario() -> None:
     failed, succeeded = run("11_fault_scenario.py").splitlines()
     assert failed.startswith("failed: no usable scan") and succeeded.startswith("succeeded")
+
+
+def test_plot_of_a_recording(cell: Cell, tmp_path: Path) -> None:
+    recording, picture = tmp_path / "run.rrd", tmp_path / "run.svg"
+    command = [sys.executable, "-m", "rackhand.services.launch", "record", str(recording), "--bus", cell.bus]
+    with subprocess.Popen(command) as recorder:
+        try:
+            cell.wait_until_there("cell/recorder")
+            run("01_standard_move.py", cell.http, "3.5", "1.5")
+        finally:
+            recorder.terminate()
+    printed = run("12_plot.py", str(recording), str(picture))
+    poses = int(printed.split()[0])
+    assert poses > 20 and "<polyline" in picture.read_text()

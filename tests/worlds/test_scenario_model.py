@@ -119,3 +119,10 @@ def test_scenarios_of_further_worlds_folders_are_known(tmp_path: Path, monkeypat
 def test_those_that_come_with_rackhand_fit_their_worlds(name: str) -> None:
     scenario = read_scenario(installed_scenarios()[name])
     assert problems_of(scenario, load_world(scenario.world)) == ()
+
+
+@pytest.mark.parametrize("name", installed_scenarios())
+def test_those_that_fail_say_what_explain_must_name(name: str) -> None:
+    expect = read_scenario(installed_scenarios()[name]).expect
+    named = expect.explain
+    assert expect.state == "succeeded" or (named is not None and (named.words or named.things or named.measures))

@@ -36,11 +36,13 @@ CommandMode = Literal["position", "velocity", "torque"]
 
 AT_REST = 1e-6  # rad/s commanded
 STILL = 0.01  # rad/s measured
-# A tool that was held back catches up with where its velocity ended, until its joints are slow (rad/s), or for so long
-# (s).
-SLOW, LONGEST_ARRIVAL = 0.02, 0.5
+# A tool that was held back catches up with where its velocity ended, until its joints are slow (rad/s) and will be in
+# the next SOON (s), or for so long (s). Joints that only pass through zero would swing out of the line in the stop,
+# which fades their acceleration.
+SLOW, SOON, LONGEST_ARRIVAL = 0.02, 0.02, 0.5
 # rad: farther from where it is held, after a stop, the arm is held where it is instead.
 SETTLED_STOP, SETTLED_CONTACT = 0.01, 0.001
+SETTLED_TIME = 0.2  # s for which it must be still there: what was pressed springs back only after it is let go
 _STOP = "stop"
 
 
@@ -65,6 +67,7 @@ class MotionExecutor:
         self._by_solver = False
         self._arriving = 0.0  # seconds since the reference ended
         self._settles: float | None = None  # after a stop, until the arm is at rest: how exactly it is held
+        self._still = 0.0  # seconds for which it has been at rest there
         self._measured_v = np.zeros(arm.n)  # of the tick before, while a torque acts
         self.q, self.v, self.a = arm.home.copy(), np.zeros(arm.n), np.zeros(arm.n)
 
@@ -157,9 +160,13 @@ class MotionExecutor:
             return
         if np.abs(np.array(state.q) - self.q).max() > self._settles:
             self._set_measured(state)
-            self._rest()
+            self._brake(hard=True)
         elif np.abs(state.dq).max() < STILL:
-            self._settles = None
+            self._still += self.period
+            if self._still >= SETTLED_TIME:
+                self._settles = None
+            return
+        self._still = 0.0
 
     def soft_stop(self) -> None:
         """Along the path, within the profile's limits; the queue is dropped."""
@@ -267,7 +274,7 @@ class MotionExecutor:
             self._arriving = 0.0
             return
         self._arriving += self.period
-        if np.abs(self.v).max() > SLOW and self._arriving < LONGEST_ARRIVAL:
+        if (np.abs(self.v) + SOON * np.abs(self.a)).max() > SLOW and self._arriving < LONGEST_ARRIVAL:
             return
         if np.abs(self.v).max() <= AT_REST:
             # No stop: that would fade the ramp's last acceleration, and swing back by it.

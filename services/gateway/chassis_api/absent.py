@@ -25,13 +25,13 @@ async def hostnames() -> list[dict[str, str]]:
 
 @router.get("/bags")
 async def bags() -> list[dict[str, str]]:
-    """Recordings of the robot; there are none here, the viewer records: ``rackhand up --record FILE``."""
+    """Recordings of the robot; there are none here, the viewer records: ``rackhand record FILE``."""
     return []
 
 
 @router.get("/recording")
 async def recordings() -> list[dict[str, str]]:
-    """Recordings of the robot; there are none here, the viewer records: ``rackhand up --record FILE``."""
+    """Recordings of the robot; there are none here, the viewer records: ``rackhand record FILE``."""
     return []
 
 

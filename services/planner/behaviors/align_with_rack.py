@@ -25,19 +25,20 @@ from typing import Any
 
 import numpy as np
 
+from rackhand.schemas.explain import Measure, Thing
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.maps import PointType, RegionType
 from rackhand.schemas.moves import MoveCreate, PlanningFlag
 from rackhand.schemas.racks import DetectedRack, RackSpec
 from rackhand.services.planner.behaviors.approach import route_first
 from rackhand.services.planner.behaviors.base import Array, Behavior, Context
-from rackhand.services.planner.behaviors.docking import Docking, Place
+from rackhand.services.planner.behaviors.docking import Docking, Obstruction, Place
 from rackhand.services.planner.control.docking import Funnel
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.polygon import convex_overlap
 from rackhand.services.planner.geometry.se2 import Pose
-from rackhand.services.planner.jacking import REACHED
+from rackhand.services.planner.jacking import REACHED, jack_height
 from rackhand.services.planner.load import Load
 from rackhand.services.planner.map.overlays import MapOverlays, PointOfInterest
 from rackhand.services.planner.perception.rack_legs import RackSighting, describe_miss, find_rack
@@ -68,6 +69,11 @@ class RackTarget:
     def pose(self) -> Pose:
         return np.array([self.point.x, self.point.y, self.yaw])
 
+    def expected(self) -> Thing:
+        """The point, as where the rack should be."""
+        point = self.point
+        return Thing(role="expected", kind="rack point", name=point.name or point.id, x=point.x, y=point.y)
+
     def __str__(self) -> str:
         return f"rack point {self.point.name or self.point.id!r} ({self.point.x:.2f}, {self.point.y:.2f})"
 
@@ -94,11 +100,12 @@ def target_of(request: MoveCreate, overlays: MapOverlays, radius: float) -> Rack
     away = math.hypot(nearest.x - x, nearest.y - y)
     if away > radius:
         name = nearest.name or nearest.id
+        off = Measure(name="distance to the nearest rack point", value=round(away, 3), expected=radius, unit="m")
         raise MoveFailed(
             Reason.INVALID_RACK_DETECTION_POS,
             f"the target ({x:.2f}, {y:.2f}) is no rack point; the nearest is {name!r} at ({nearest.x:.2f}, "
             f"{nearest.y:.2f}), {away:.2f} m away, want at most {radius:.2f} m",
-        )
+        ).about(Thing(role="seen", kind="rack point", name=name, x=nearest.x, y=nearest.y), measures=(off,))
     yaw = nearest.dock_yaw or 0.0 if request.target_ori is None else request.target_ori
     return RackTarget(nearest, yaw, checked_layer(request.properties.get("rack_layer"), nearest, overlays))
 
@@ -123,7 +130,7 @@ def check_jack_down(ctx: Context) -> None:
     jack = ctx.state.jack
     if jack is not None and jack.progress > REACHED:
         text = f"the jack is at {jack.progress:.0%}, want 0 %: call jack_down and wait until it has arrived"
-        raise MoveFailed(Reason.JACK_IN_UP_STATE, text)
+        raise MoveFailed(Reason.JACK_IN_UP_STATE, text).about(measures=(jack_height(jack.progress),))
 
 
 class RackDock:
@@ -197,20 +204,31 @@ class RackDock:
 
     def missing(self, seen: SeenScan, dock: Pose) -> MoveFailed:
         sensor = se2.compose(seen.chassis, seen.sensor)
-        text = describe_miss(seen.in_map, sensor, dock, self._specs)
-        return MoveFailed(Reason.RACK_DETECTION_ERROR, f"{text}; at {self._target}")
+        miss = describe_miss(seen.in_map, sensor, dock, self._specs)
+        failed = MoveFailed(Reason.RACK_DETECTION_ERROR, f"{miss.text}; at {self._target}")
+        return failed.about(*miss.things, measures=miss.measures)
 
     def check_place(self, dock: Pose) -> None:
         off = se2.between(self._target.pose, dock)
         away, turned = math.hypot(off[0], off[1]), abs(off[2])
         if away > MOST_OFF or turned > MOST_TURNED:
+            x, y = dock[:2].round(3).tolist()
             raise MoveFailed(
                 Reason.RACK_DETECTION_ERROR,
                 f"the rack is {away:.2f} m and {math.degrees(turned):.1f} degrees off {self._target}; want at most "
                 f"{MOST_OFF:.2f} m and {math.degrees(MOST_TURNED):.0f} degrees",
+            ).about(
+                Thing(role="seen", kind="rack", x=x, y=y),
+                self._target.expected(),
+                measures=(
+                    Measure(
+                        name="distance of the rack from its point", value=round(away, 3), expected=MOST_OFF, unit="m"
+                    ),
+                    Measure(name="rack turned by", value=round(turned, 3), expected=round(MOST_TURNED, 3), unit="rad"),
+                ),
             )
 
-    def obstruction(self, points: Array, at: Pose) -> str | None:
+    def obstruction(self, points: Array, at: Pose) -> Obstruction | None:
         """Hits under the rack, before the chassis and beside neither row of legs."""
         spec = self._spec
         lane = spec.width / 2 - spec.leg_size - BESIDE_LEGS
@@ -218,8 +236,10 @@ class RackDock:
         inside = (np.abs(points[:, 1]) < lane) & (x > max(at[0], -half)) & (x < half)
         if inside.sum() < FEWEST_HITS:
             return None
-        ahead, left = points[inside].mean(axis=0)
-        return f"an obstacle under the rack, {ahead:+.2f} m ahead of its middle and {left:+.2f} m to the left"
+        place = points[inside].mean(axis=0)
+        ahead, left = place
+        text = f"an obstacle under the rack, {ahead:+.2f} m ahead of its middle and {left:+.2f} m to the left"
+        return Obstruction(text, place)
 
     def load(self, body: Array, dock: Pose) -> Load | None:
         spec = self._spec
@@ -237,7 +257,8 @@ class RackDock:
 
     def exhausted(self, attempts: int, why: str) -> MoveFailed:
         text = f"no success in {attempts} attempts to drive under the rack at {self._target}; the last one: {why}"
-        return MoveFailed(Reason.RACK_RETRY_COUNT_EXCEEDED, text)
+        tried = Measure(name="attempts without success", value=attempts, expected=0)
+        return MoveFailed(Reason.RACK_RETRY_COUNT_EXCEEDED, text).about(measures=(tried,))
 
 
 def _between_the_legs(spec: RackSpec) -> Array:

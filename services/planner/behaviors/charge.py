@@ -25,6 +25,7 @@ import math
 
 import numpy as np
 
+from rackhand.schemas.explain import Measure, Role, Thing
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.maps import PointType
 from rackhand.schemas.moves import MoveCreate, PlanningFlag
@@ -32,7 +33,7 @@ from rackhand.schemas.racks import DetectedRack
 from rackhand.services.planner.behaviors.align_with_rack import check_jack_down
 from rackhand.services.planner.behaviors.approach import route_first
 from rackhand.services.planner.behaviors.base import Array, Behavior, Context
-from rackhand.services.planner.behaviors.docking import Docking, Place
+from rackhand.services.planner.behaviors.docking import Docking, Obstruction, Place
 from rackhand.services.planner.control.docking import Funnel
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry import se2
@@ -69,11 +70,12 @@ def target_of(request: MoveCreate, overlays: MapOverlays, chassis: Pose) -> Poin
         raise MoveFailed(Reason.INVALID_CHARGE_DOCK, "no charger is registered on the map")
     away = math.hypot(nearest.x - x, nearest.y - y)
     if given and away > REGISTERED_WITHIN:
+        off = Measure(name="distance to the charger", value=round(away, 3), expected=REGISTERED_WITHIN, unit="m")
         raise MoveFailed(
             Reason.INVALID_CHARGE_DOCK,
             f"no charger is registered within {REGISTERED_WITHIN:.1f} m of the target ({x:.2f}, {y:.2f}); the nearest "
             f"is {nearest.name or nearest.id!r} at ({nearest.x:.2f}, {nearest.y:.2f}), {away:.2f} m away",
-        )
+        ).about(_charger("seen", nearest), measures=(off,))
     return nearest
 
 
@@ -137,20 +139,23 @@ class ChargerDock:
 
     def missing(self, seen: SeenScan, dock: Pose) -> MoveFailed:
         sensor = se2.compose(seen.chassis, seen.sensor)
-        text = describe_miss(seen.in_map, sensor, dock, self._shape)
-        return MoveFailed(Reason.CHARGE_DOCK_DETECTION_ERROR, f"{text}; at charger {self._name}")
+        miss = describe_miss(seen.in_map, sensor, dock, self._shape)
+        failed = MoveFailed(Reason.CHARGE_DOCK_DETECTION_ERROR, f"{miss.text}; at charger {self._name}")
+        return failed.about(*miss.things, _charger("expected", self._point), measures=miss.measures)
 
     def check_place(self, dock: Pose) -> None:
         """What is looked for is near its place already."""
 
-    def obstruction(self, points: Array, at: Pose) -> str | None:
+    def obstruction(self, points: Array, at: Pose) -> Obstruction | None:
         """Hits between the chassis and the tips of the dock."""
         tips = self._shape.tip[0] - self._shape.apex + TIP_NOISE
         inside = (np.abs(points[:, 1]) < BESIDE) & (points[:, 0] > tips) & (points[:, 0] < at[0])
         if inside.sum() < FEWEST_HITS:
             return None
-        ahead, left = points[inside].mean(axis=0)
-        return f"an obstacle before the charger, {ahead - at[0]:+.2f} m from the chassis and {left:+.2f} m to the left"
+        place = points[inside].mean(axis=0)
+        ahead, left = place
+        text = f"an obstacle before the charger, {ahead - at[0]:+.2f} m from the chassis and {left:+.2f} m to the left"
+        return Obstruction(text, place)
 
     def load(self, body: Array, dock: Pose) -> Load | None:
         """The contacts tell."""
@@ -172,14 +177,23 @@ class ChargerDock:
             self._touched = waited
         if waited - self._touched > CURRENT_PATIENCE:
             text = f"the contacts meet those of charger {self._name}; no current flowed for {CURRENT_PATIENCE:.0f} s"
-            raise MoveFailed(Reason.NO_CHARGE_CURRENT, text)
+            lasted = Measure(
+                name="time without current", value=round(waited - self._touched, 2), expected=CURRENT_PATIENCE, unit="s"
+            )
+            raise MoveFailed(Reason.NO_CHARGE_CURRENT, text).about(_charger("seen", self._point), measures=(lasted,))
         return None
 
     def exhausted(self, attempts: int, why: str) -> MoveFailed:
         text = f"the contacts did not meet those of charger {self._name} in {attempts} attempts; the last one: {why}"
         reason = Reason.CHARGE_RETRY_COUNT_EXCEEDED if attempts > 1 else Reason.CHARGE_DOCK_SIGNAL_ERROR
-        return MoveFailed(reason, text)
+        tried = Measure(name="attempts without contact", value=attempts, expected=0)
+        return MoveFailed(reason, text).about(_charger("seen", self._point), measures=(tried,))
 
     @property
     def _name(self) -> str:
         return repr(self._point.name or self._point.id)
+
+
+def _charger(role: Role, point: PointOfInterest) -> Thing:
+    """The charger at its place on the map."""
+    return Thing(role=role, kind="charger", name=point.name or point.id, x=point.x, y=point.y)

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.explain import Thing
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.moves import PlanningFlag
 from rackhand.schemas.racks import DetectedRack
@@ -60,6 +61,13 @@ class Place:
     mapped: Array | None = None
 
 
+class Obstruction(NamedTuple):
+    """In words, and where: (2,) in the dock's frame."""
+
+    text: str
+    place: Array
+
+
 class Dockable(Protocol):
     """Something to dock to. Poses named ``dock`` are in the map. All may raise ``MoveFailed``."""
 
@@ -90,7 +98,7 @@ class Dockable(Protocol):
     def check_place(self, dock: Pose) -> None:
         """Raises ``MoveFailed`` for a dock that is too far from where it should be."""
 
-    def obstruction(self, points: Array, at: Pose) -> str | None:
+    def obstruction(self, points: Array, at: Pose) -> Obstruction | None:
         """What is on the way that is left. Points of the scan, (n, 2), and the chassis' pose in the dock's frame."""
 
     def load(self, body: Array, dock: Pose) -> Load | None:
@@ -110,6 +118,7 @@ class Docking:
     _ctx: Context
     _place: Place
     _view: DockView
+    _blocker: Thing | None  # of the attempt before
 
     def __init__(self, dock: Dockable, retries: int) -> None:
         self._dock = dock
@@ -118,7 +127,7 @@ class Docking:
         self._drive: DriveToPose | None = None
         self._staging_distance = 0.0
         self._resumed = self._stuck = False
-        self._why = ""
+        self._why, self._blocker = "", None
         self._detected: DetectedRack | None = None
 
     # -- as a behaviour ----------------------------------------------------------------------------------------------
@@ -177,7 +186,7 @@ class Docking:
             if (yield from self._drive_on()):
                 return
             yield from self._back_out()
-        raise self._dock.exhausted(1 + self._retries, self._why)
+        raise self._dock.exhausted(1 + self._retries, self._why).about(self._blocker)
 
     def _glance(self) -> Steps:
         """What is seen from here already tells where the staging pose is."""
@@ -209,7 +218,8 @@ class Docking:
             finally:
                 self._drive = None
         assert failed is not None
-        raise MoveFailed(failed.reason, f"no pose to begin docking from can be reached: {failed.text}")
+        text = f"no pose to begin docking from can be reached: {failed.text}"
+        raise MoveFailed(failed.reason, text, failed.evidence)
 
     def _has_shifted(self) -> Attempt:
         """Drive to the staging pose. True if, by what was seen on the way, it is elsewhere."""
@@ -290,7 +300,9 @@ class Docking:
         if self._view.is_sure and not self._place.funnel.wider().holds(at, self._place.direction):
             return f"too far off the axis: {_off(at)}"
         if (standing := watch.standing(ctx.stamp)) > PATIENCE:
-            what = self._obstruction() or ("blocked by an obstacle" if ctx.vetoed else "the wheels do not turn")
+            found = self._obstruction()
+            self._blocker = None if found is None else self._seen(found)
+            what = found.text if found is not None else _blocked(ctx)
             return f"no progress for {standing:.0f} s, {before:.2f} m before the docked pose: {what}"
         return None
 
@@ -301,12 +313,16 @@ class Docking:
         watch.update(self._ctx.stamp, left)
         self._stuck = watch.standing(self._ctx.stamp) > self._ctx.settings.stuck_after
 
-    def _obstruction(self) -> str | None:
+    def _obstruction(self) -> Obstruction | None:
         seen = self._ctx.seen
         if seen is None:
             return None
         at = se2.between(self._view.in_chassis(self._ctx), ORIGIN)
         return self._dock.obstruction(self._view.points(seen), at)
+
+    def _seen(self, found: Obstruction) -> Thing:
+        x, y = se2.transformed(self._view.in_map(self._ctx), found.place[None])[0].round(3).tolist()
+        return Thing(role="blocks", kind="observed obstacle", x=x, y=y)
 
     def _may_touch(self) -> tuple[Array, ...]:
         place = self._place
@@ -360,6 +376,10 @@ class Docking:
 def _is_news(load: Load | None, known: Load) -> bool:
     """Whether a load must be told: it is kept on disk, and its pose wanders with that of the map."""
     return load is not None and load.state is not known.state
+
+
+def _blocked(ctx: Context) -> str:
+    return "blocked by an obstacle" if ctx.vetoed else "the wheels do not turn"
 
 
 def _off(at: Pose) -> str:

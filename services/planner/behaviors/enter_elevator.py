@@ -25,25 +25,33 @@ from dataclasses import replace
 
 import numpy as np
 
+from rackhand.schemas.explain import Thing
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
 from rackhand.services.planner.behaviors.base import Array, Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose, goal_of
 from rackhand.services.planner.control.lift_entry import Entry, EntryRules, LiftView, PointState
 from rackhand.services.planner.errors import MoveFailed
-from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose, transformed
+from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose, compose, transformed
 from rackhand.services.planner.map.overlays import Zone
 from rackhand.services.planner.perception.lift_view import (
     DoorWatch,
     Doorway,
+    doorway_in_sight,
     find_doorway,
+    hiding,
     lift_at,
+    nearest_lift,
     point_state,
+    standing_in,
     whereabouts,
     with_doors,
 )
 from rackhand.services.planner.planning.goals import Goal
 
+_OUT_OF_SIGHT = frozenset(
+    {MoveFailReason.ELEVATOR_POINT_OBSCURED_TIMEOUT, MoveFailReason.ELEVATOR_POINT_OCCUPANCY_DETECTION_TIMEOUT}
+)
 LOOK_FROM = 1.2  # m between the body and the doorway, from which on the rules hold
 
 
@@ -77,7 +85,7 @@ class EnterElevator:
         if not self._begun:
             self._begin(ctx)
         view = self._look(ctx)
-        entry = Entry() if view is None else self._rules.decide(view)
+        entry = Entry() if view is None else self._decide(ctx, view)
         if entry.arrived:
             return Done()
         self._open = view is not None and view.point == "free" and view.door == "open"
@@ -96,8 +104,10 @@ class EnterElevator:
         x, y = self._at.tolist()
         zone = lift_at(ctx.costmap.static.overlays, x, y)
         if zone is None:
+            overlays = ctx.costmap.static.overlays
             text = f"the target ({x:.2f}, {y:.2f}) is in no lift: the map has no zone of type 3 there"
-            raise MoveFailed(MoveFailReason.CONFIGURATION_ERROR, text)
+            place = Thing(role="expected", kind="place", x=x, y=y)
+            raise MoveFailed(MoveFailReason.CONFIGURATION_ERROR, text).about(place, nearest_lift(overlays, self._at))
         self._zone, self._begun = zone, True
 
     # -- driving -----------------------------------------------------------------------------------------------------
@@ -122,6 +132,8 @@ class EnterElevator:
 
     def _look(self, ctx: Context) -> LiftView | None:
         """None while the chassis is too far away, or too far aside, to judge."""
+        if self._doorway is None:  # no path yet: something may be in the way of every one
+            self._doorway = doorway_in_sight(ctx.costmap.static, self._zone, ctx.pose[:2], self._at)
         body = transformed(ctx.pose, ctx.footprint.polygon)
         where = whereabouts(self._zone, body)
         if self._doorway is not None:
@@ -138,6 +150,7 @@ class EnterElevator:
             door="closed" if self._door.is_closed else "closing" if self._door.is_closing else "open",
             away=math.dist(self._at, ctx.pose[:2]),
             standing=0.0 if self._waiting else self._drive.standing(ctx.stamp),
+            blocked=ctx.vetoed or self._drive.status().viewport_blocked,
         )
 
     def _is_near(self, ctx: Context) -> bool:
@@ -157,6 +170,31 @@ class EnterElevator:
             into: Array | None = None if self._doorway is None else self._doorway.into
             yaw = float(ctx.pose[2]) if into is None else math.atan2(into[1], into[0])
         return np.array([*self._at, yaw])
+
+    def _decide(self, ctx: Context, view: LiftView) -> Entry:
+        """Raises ``MoveFailed`` with what is seen of the cause."""
+        try:
+            return self._rules.decide(view)
+        except MoveFailed as failed:
+            raise failed.about(*self._seen_of(ctx, failed.reason)) from None
+
+    def _seen_of(self, ctx: Context, reason: MoveFailReason) -> tuple[Thing | None, ...]:
+        """What is in the way or hides the place, and the place where the chassis was to stand."""
+        x, y = self._at.round(3).tolist()
+        place = Thing(role="expected", kind="place", name=self._name, x=x, y=y)
+        match reason:
+            case MoveFailReason.ELEVATOR_CLOSED if self._doorway is not None:
+                x, y = self._doorway.middle.round(3).tolist()
+                return Thing(role="blocks", kind="lift door", name=self._name, x=x, y=y), place
+            case MoveFailReason.ELEVATOR_POINT_OCCUPIED:
+                return standing_in(ctx.costmap, ctx.footprint, self._place(ctx)), place
+            case _ if reason in _OUT_OF_SIGHT and ctx.seen is not None:
+                return hiding(ctx.costmap, compose(ctx.seen.chassis, ctx.seen.sensor), self._at), place
+        return (place,)
+
+    @property
+    def _name(self) -> str:
+        return self._zone.name or self._zone.id
 
     def _report(self, entry: Entry, view: LiftView | None) -> None:
         status = self._drive.status()

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rackhand.schemas.base import NANOSECONDS, Pose2, Twist2
+from rackhand.schemas.explain import Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
 from rackhand.services.planner.behaviors.base import Behavior, Context, Drive, Status
@@ -124,8 +125,10 @@ class FollowTarget:
     def _check_silence(self, ctx: Context, followed: Followed | None) -> None:
         paused = followed is not None and followed.target.state == "pause"
         if not paused and self._silence(ctx) > ctx.settings.follow_timeout:
-            text = f"no /follow_target_state for {self._silence(ctx):.0f} s, expected 2 to 4 a second"
-            raise MoveFailed(MoveFailReason.FOLLOW_FAILED, text)
+            silence, most = self._silence(ctx), ctx.settings.follow_timeout
+            text = f"no /follow_target_state for {silence:.0f} s, expected 2 to 4 a second"
+            lasted = Measure(name="time without /follow_target_state", value=round(silence, 2), expected=most, unit="s")
+            raise MoveFailed(MoveFailReason.FOLLOW_FAILED, text).about(measures=(lasted,))
 
     # -- driving -----------------------------------------------------------------------------------------------------
 

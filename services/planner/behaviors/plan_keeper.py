@@ -185,8 +185,11 @@ def _begins_here(route: Route, ctx: Context) -> bool:
 
 
 def narrow_place(costmap: LocalCostmap, no_path: NoPathFound) -> Evidence:
-    """The tightest place of the widest way, and what stands there."""
+    """The tightest place of the widest way, and what stands there; of a search that was cut short, how far it came."""
     tight = no_path.bottleneck
+    if no_path.kind == "budget":
+        tried = Measure(name="places that were tried", value=no_path.tried, setting="planning.search_limit")
+        return Evidence(measures=(tried,))
     if tight is None:
         return Evidence()
     thing = thing_at(costmap, tight.blocked_x, tight.blocked_y)
@@ -200,7 +203,7 @@ def narrow_place(costmap: LocalCostmap, no_path: NoPathFound) -> Evidence:
 def _waited_for_path(ctx: Context, waited: float, no_path: NoPathFound | None) -> Evidence:
     found = Evidence() if no_path is None else narrow_place(ctx.costmap, no_path)
     limit = ctx.settings.planning_timeout
-    measure = Measure(name="time without a path", value=round(waited, 1), expected=limit, unit="s")
+    measure = Measure(name="time without a path", value=round(waited, 2), expected=limit, unit="s")
     return found.model_copy(update={"measures": (measure, *found.measures)})
 
 

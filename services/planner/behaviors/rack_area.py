@@ -26,13 +26,14 @@ Why such a move fails, beside the reasons of ``align_with_rack`` and ``to_unload
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 
 from rackhand.schemas.base import NANOSECONDS, Pose2
+from rackhand.schemas.explain import Evidence, Measure, Thing
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
 from rackhand.schemas.maps import LineType, PointType, RegionType
 from rackhand.schemas.moves import MoveCreate, PlanningFlag
@@ -45,9 +46,12 @@ from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose
 from rackhand.services.planner.behaviors.to_unload_point import ToUnloadPoint, UnloadTarget, check_cargo
 from rackhand.services.planner.control.goal_checker import is_still
 from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.load import Load
 from rackhand.services.planner.map.overlays import Line, MapOverlays, PointOfInterest, Zone
+from rackhand.services.planner.perception.lift_view import hiding
+from rackhand.services.planner.perception.rack_points import STANDS_AT
 from rackhand.services.planner.perception.viewpoints import along, viewpoints
 from rackhand.services.planner.planning.goals import Goal
 
@@ -160,7 +164,10 @@ def area_of(request: MoveCreate, overlays: MapOverlays) -> Area:
     name = zone.name or zone.id
     if not points:
         levels = f" with level {layer!r}" if inside else ""
-        raise MoveFailed(Reason.INVALID_RACK_AREA, f"there is no rack point{levels} in rack area {name!r}")
+        x, y = zone.rings[0][:-1].mean(axis=0).round(3).tolist()
+        area = Thing(role="expected", kind="rack point", name=name, x=x, y=y)
+        text = f"there is no rack point{levels} in rack area {name!r}"
+        raise MoveFailed(Reason.INVALID_RACK_AREA, text).about(area)
     lines = overlays.lines_of(LineType.RACK_PATROL)
     patrol = next((line for line in lines if any(zone.contains(x, y) for x, y in line.points)), None)
     if patrol is not None:
@@ -199,6 +206,7 @@ class RackArea:
         self._status = Status()
         self._undecided: list[str] = []
         self._failures: list[str] = []
+        self._evidence = Evidence()
 
     def step(self, ctx: Context) -> Drive | Done:
         self._ctx = ctx
@@ -231,6 +239,7 @@ class RackArea:
             state = self._state(point)
             if state == "unknown":
                 self._undecided.append(name_of(point))
+                self._keep(things=self._out_of_sight(point))
             elif state == self._task.wanted:
                 done = yield from self._work_at(point)
                 if done is not None:
@@ -286,6 +295,7 @@ class RackArea:
                 raise
             if failed.reason is not Reason.UNLOAD_POINT_OCCUPIED:
                 self._failures.append(f"{name_of(point)}: {failed.reason.rest_name}: {failed.text}")
+                self._keep(failed.evidence.things, failed.evidence.measures)
             return None
         finally:
             self._inner = None
@@ -308,11 +318,39 @@ class RackArea:
     def _exhausted(self) -> MoveFailed:
         area, number = self._area, len(self._area.points)
         if self._failures:
-            return MoveFailed(self._task.failed, f"{area}: {'; '.join(self._failures)}"[:1000])
+            return MoveFailed(self._task.failed, f"{area}: {'; '.join(self._failures)}"[:1000], self._evidence)
         if self._undecided:
             names = ", ".join(self._undecided)
             text = f"{area}: of {len(self._undecided)} of {number} rack points the state is not visible: {names}"
-            return MoveFailed(Reason.UNKNOWN_RACK_SPACE_STATE, text)
+            return MoveFailed(Reason.UNKNOWN_RACK_SPACE_STATE, text, self._evidence)
         all_are = "free" if self._task.wanted == "occupied" else "occupied"
         names = ", ".join(name_of(point) for point in area.points)
-        return MoveFailed(self._task.none, f"{area}: all {number} rack points are {all_are}: {names}")
+        failed = MoveFailed(self._task.none, f"{area}: all {number} rack points are {all_are}: {names}")
+        return failed.about(*(self._found_at(point) for point in area.points))
+
+    # -- evidence ----------------------------------------------------------------------------------------------------
+
+    def _keep(self, things: Sequence[Thing] = (), measures: Sequence[Measure] = ()) -> None:
+        """Of one of the points, why nothing could be done there."""
+        known = self._evidence
+        self._evidence = Evidence(things=(*known.things, *things), measures=(*known.measures, *measures))
+
+    def _out_of_sight(self, point: PointOfInterest) -> tuple[Thing, ...]:
+        """A point whose state is not known, and what hides it from here."""
+        ctx, unseen = self._ctx, Thing(role="expected", kind="rack point", name=name_of(point), x=point.x, y=point.y)
+        if ctx.seen is None:
+            return (unseen,)
+        sensor = se2.compose(ctx.seen.chassis, ctx.seen.sensor)
+        screen = hiding(ctx.costmap, sensor, np.array([point.x, point.y]))
+        return (unseen,) if screen is None else (screen, unseen)
+
+    def _found_at(self, point: PointOfInterest) -> Thing:
+        """What is at a point: a rack that is missing, or what occupies it."""
+        name = name_of(point)
+        if self._task.wanted == "occupied":
+            return Thing(role="expected", kind="rack", name=name, x=point.x, y=point.y)
+        rack = self._ctx.costmap.racks.near(point.x, point.y, STANDS_AT)
+        if rack is None:
+            return Thing(role="blocks", kind="observed obstacle", name=name, x=point.x, y=point.y)
+        x, y = rack.pose[:2].round(3).tolist()
+        return Thing(role="blocks", kind="rack", name=name, x=x, y=y)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.explain import Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
 from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
@@ -63,7 +64,10 @@ class RunningMove:
             self._waiting_since = stamp
         if stamp - self._waiting_since >= self._patience_ns:
             text = f"{trouble}; the move waited for {self._patience_ns / NANOSECONDS:.0f} s"
-            raise MoveFailed(MoveFailReason.PLATFORM_ALERT_ERROR, text)
+            waited = round((stamp - self._waiting_since) / NANOSECONDS, 2)
+            most = self._patience_ns / NANOSECONDS
+            lasted = Measure(name="time that the move waited", value=waited, expected=most, unit="s")
+            raise MoveFailed(MoveFailReason.PLATFORM_ALERT_ERROR, text).about(measures=(lasted,))
 
     def step(self, ctx: Context) -> Drive | Done:
         """One control step of the behaviour; before its first one, those that drive out of what the chassis is in."""

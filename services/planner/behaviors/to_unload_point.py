@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rackhand.schemas.base import NANOSECONDS, Pose2
+from rackhand.schemas.explain import Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import PointType
 from rackhand.schemas.moves import MoveCreate, PlanningFlag
@@ -44,6 +45,7 @@ from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.jacking import REACHED
 from rackhand.services.planner.load import Load, LoadState
 from rackhand.services.planner.map.overlays import MapOverlays
+from rackhand.services.planner.perception.things import thing_at
 from rackhand.services.planner.planning.goals import Goal, check_goal
 from rackhand.services.planner.planning.plan import Target
 from rackhand.services.planner.settings import NavigationSettings
@@ -152,7 +154,7 @@ def _way_in(ctx: Context, goal: Pose) -> float:
 
 def _unreachable(failed: MoveFailed, target: UnloadTarget) -> MoveFailed:
     text = f"{failed.reason.rest_name}: {failed.text}; the rack was to be put down at {target}"
-    return MoveFailed(MoveFailReason.UNLOAD_POINT_UNREACHABLE, text)
+    return MoveFailed(MoveFailReason.UNLOAD_POINT_UNREACHABLE, text, failed.evidence)
 
 
 def is_occupied(ctx: Context, goal: Pose) -> bool:
@@ -254,25 +256,30 @@ class ToUnloadPoint:
             self._occupied_since = ctx.stamp
         since = self._occupied_since
         if since is not None and ctx.stamp - since >= ctx.settings.unload_patience * NANOSECONDS:
-            raise MoveFailed(MoveFailReason.UNLOAD_POINT_OCCUPIED, self._occupied_text(ctx))
+            raise self._occupied(ctx)
         return True
 
-    def _occupied_text(self, ctx: Context) -> str:
+    def _occupied(self, ctx: Context) -> MoveFailed:
         points = np.empty((0, 2)) if ctx.seen is None else ctx.seen.in_map
         hits = points[inside_convex(self._outline(ctx), points)]
-        what = "what was seen there before"
+        what, x, y = "what was seen there before", self._target.x, self._target.y
         if len(hits):
-            x, y = hits.mean(axis=0)
+            x, y = hits.mean(axis=0).tolist()
             what = f"an obstacle about ({x:.2f}, {y:.2f})"
-        waited = f"for {ctx.settings.unload_patience:.0f} s while the chassis waited for it to leave"
-        return f"{what} overlaps the place of the rack, {self._target}, {waited}"
+        patience = ctx.settings.unload_patience
+        waited = f"for {patience:.0f} s while the chassis waited for it to leave"
+        text = f"{what} overlaps the place of the rack, {self._target}, {waited}"
+        lasted = Measure(name="time that the place was occupied", value=patience, expected=patience, unit="s")
+        return MoveFailed(MoveFailReason.UNLOAD_POINT_OCCUPIED, text).about(
+            thing_at(ctx.costmap, x, y), measures=(lasted,)
+        )
 
     def _explained(self, failed: MoveFailed, occupied: bool) -> MoveFailed:
         if failed.reason not in _UNREACHABLE:
             return failed
         if occupied:
             text = f"something is where the rack would be, at {self._target}: {failed.text}"
-            return MoveFailed(MoveFailReason.UNLOAD_POINT_OCCUPIED, text)
+            return MoveFailed(MoveFailReason.UNLOAD_POINT_OCCUPIED, text, failed.evidence)
         return _unreachable(failed, self._target)
 
     def _shown(self) -> Status:

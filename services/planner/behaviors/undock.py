@@ -27,7 +27,7 @@ from rackhand.services.planner.control.progress_checker import RestWatch
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.se2 import STANDSTILL, Pose, wrap
-from rackhand.services.planner.jacking import REACHED
+from rackhand.services.planner.jacking import REACHED, jack_height
 from rackhand.services.planner.load import Load, LoadState
 from rackhand.services.planner.perception.rack_legs import find_rack
 from rackhand.services.planner.perception.seen_scan import SeenScan
@@ -59,14 +59,14 @@ def undocking(ctx: Context, request: MoveCreate, behavior: Behavior) -> Undock |
         text = (
             f"the jack is at {jack.progress:.0%} with a rack on it: call jack_up to carry it, or jack_down to leave it"
         )
-        raise MoveFailed(Reason.JACK_IN_UP_STATE, text)
+        raise MoveFailed(Reason.JACK_IN_UP_STATE, text).about(measures=(jack_height(jack.progress),))
     if ctx.load.state not in OUT_OF:
         return None
     if isinstance(behavior, StaysDocked) and behavior.stays_docked(ctx):
         return None
     if ctx.load.state is LoadState.UNDER_RACK and jack is not None and jack.progress > REACHED:
         text = f"the jack is at {jack.progress:.0%} under a rack that is not on it: call jack_down, then move"
-        raise MoveFailed(Reason.JACK_IN_UP_STATE, text)
+        raise MoveFailed(Reason.JACK_IN_UP_STATE, text).about(measures=(jack_height(jack.progress),))
     return Undock(ctx)
 
 

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.explain import Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.errors import MoveFailed
 
@@ -42,7 +43,7 @@ Whereabouts = Literal["outside", "in_doorway", "inside"]
 @dataclass(frozen=True)
 class LiftView:
     """What is seen of a lift at ``stamp`` (ns). ``away``: metres from the chassis to its place; ``standing``: seconds
-    without progress since it may drive."""
+    without progress since it may drive. ``blocked``: an obstacle keeps it from driving."""
 
     stamp: int
     where: Whereabouts
@@ -50,6 +51,7 @@ class LiftView:
     door: DoorState
     away: float
     standing: float
+    blocked: bool = False
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,8 @@ class EntryRules:
         outside = view.where == "outside"
         lasted = self._closed.run(outside and view.door == "closed", view.stamp)
         if lasted > DOOR_GRACE:
-            raise MoveFailed(MoveFailReason.ELEVATOR_CLOSED, f"the lift's door was closed for {lasted:.0f} s")
+            text = f"the lift's door was closed for {lasted:.0f} s"
+            raise _failed(MoveFailReason.ELEVATOR_CLOSED, text, "time that the door was closed", lasted, DOOR_GRACE)
         return Entry(drive=False, notice=f"the lift's door is {view.door}") if outside and view.door != "open" else None
 
     def _sight(self, view: LiftView, passed: float) -> Entry | None:
@@ -119,11 +122,13 @@ class EntryRules:
         if view.point == "obscured":
             if lasted > OBSCURED_FOR:
                 text = f"something hid the place in the lift for {lasted:.0f} s"
-                raise MoveFailed(MoveFailReason.ELEVATOR_POINT_OBSCURED_TIMEOUT, text)
+                reason = MoveFailReason.ELEVATOR_POINT_OBSCURED_TIMEOUT
+                raise _failed(reason, text, "time that the place was hidden", lasted, OBSCURED_FOR)
             return Entry(drive=False, notice="something hides the place in the lift")
         if lasted > UNKNOWN_FOR:
             text = f"for {lasted:.0f} s the scans did not show whether the place in the lift is free"
-            raise MoveFailed(MoveFailReason.ELEVATOR_POINT_OCCUPANCY_DETECTION_TIMEOUT, text)
+            reason = MoveFailReason.ELEVATOR_POINT_OCCUPANCY_DETECTION_TIMEOUT
+            raise _failed(reason, text, "time that the place was not seen", lasted, UNKNOWN_FOR)
         return Entry(drive=False, notice="the scans do not show whether the place in the lift is free")
 
     def _progress(self, view: LiftView) -> Entry:
@@ -131,8 +136,17 @@ class EntryRules:
         if view.standing > PROGRESS_WITHIN:
             stood = f"no progress for {view.standing:.0f} s, {view.away:.2f} m from the place in the lift"
             if occupied:
-                raise MoveFailed(MoveFailReason.ELEVATOR_POINT_OCCUPIED, f"{stood}, which is occupied")
-            raise MoveFailed(MoveFailReason.ELEVATOR_ENTER_PROGRESS_UPDATE_TIMEOUT, stood)
+                reason, text = MoveFailReason.ELEVATOR_POINT_OCCUPIED, f"{stood}, which is occupied"
+            else:
+                why = "blocked by an obstacle" if view.blocked else "the chassis does not follow velocity commands"
+                reason, text = MoveFailReason.ELEVATOR_ENTER_PROGRESS_UPDATE_TIMEOUT, f"{stood}: {why}"
+            raise _failed(reason, text, "time without progress", view.standing, PROGRESS_WITHIN)
         if occupied:
             return Entry(notice="the place in the lift is occupied: entering as far as there is room")
         return Entry(notice="no progress into the lift" if view.standing > ANNOUNCED_AFTER else "")
+
+
+def _failed(reason: MoveFailReason, text: str, what: str, seconds: float, most: float) -> MoveFailed:
+    return MoveFailed(reason, text).about(
+        measures=(Measure(name=what, value=round(seconds, 2), expected=most, unit="s"),)
+    )

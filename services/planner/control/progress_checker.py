@@ -84,7 +84,7 @@ class ProgressWatch:
 
 
 def _lasted(what: str, seconds: float, most: float) -> Evidence:
-    return Evidence(measures=(Measure(name=what, value=round(seconds, 1), expected=round(most, 1), unit="s"),))
+    return Evidence(measures=(Measure(name=what, value=round(seconds, 2), expected=round(most, 2), unit="s"),))
 
 
 class RestWatch:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rackhand.schemas.explain import Measure
 from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.footprint import Footprint
@@ -31,11 +32,18 @@ BODY_REACH = 0.02  # m around the body within which a hit is the body
 WITNESSES = 3  # hits under the rack from which on something is there
 
 
+class Moved(NamedTuple):
+    """In words and as evidence."""
+
+    text: str
+    measures: tuple[Measure, ...]
+
+
 class Outcome(NamedTuple):
     """The load by now, and what to tell about a rack that has just moved significantly."""
 
     load: Load
-    moved: str | None = None
+    moved: Moved | None = None
 
 
 class CarriedRack:
@@ -124,8 +132,11 @@ def _difference(a: Pose, b: Pose) -> tuple[float, float]:
     return math.hypot(a[0] - b[0], a[1] - b[1]), abs(se2.wrap(a[2] - b[2]))
 
 
-def _moved(away: float, turned: float, s: NavigationSettings) -> str:
-    return (
+def _moved(away: float, turned: float, s: NavigationSettings) -> Moved:
+    text = (
         f"the rack moved on the jack by {away:.3f} m and {math.degrees(turned):.1f} degrees since it was lifted; at "
         f"most {s.rack_moved_far:.2f} m and {math.degrees(s.rack_turned_far):.0f} degrees are allowed"
     )
+    slid = Measure(name="the rack moved by", value=round(away, 3), expected=s.rack_moved_far, unit="m")
+    wound = Measure(name="the rack turned by", value=round(turned, 3), expected=round(s.rack_turned_far, 3), unit="rad")
+    return Moved(text, (slid, wound))

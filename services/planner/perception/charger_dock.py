@@ -15,14 +15,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rackhand.schemas.explain import Measure, Thing
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.se2 import Pose, wrap
+from rackhand.services.planner.perception.miss import Miss
 
 Array = NDArray[np.float64]
 
 GAP = 0.1  # m between neighbouring hits of one group
 FEWEST = 12  # hits of a V
 SEARCH_RADIUS, SEARCH_YAW = 0.6, math.radians(25)  # off the prior pose
+ELSEWHERE = 2.5  # m off it, within which one that was moved is looked for to explain the failure
 LEAST_WIDTH, MOST_WIDTH = 0.75, 1.25  # share of the V's width that the ends of a group may be apart
 WORST_RMS = 0.018  # m; a flat wall as wide as the V has about 0.03
 EDGE_NOISE = 0.008  # m, 1σ of an outer edge; 0.01 of a hit
@@ -58,23 +61,37 @@ def find_dock(points: Array, sensor: Array, prior: Pose, shape: DockShape) -> Do
     return min(near, key=lambda fit: fit.rms, default=None)
 
 
-def describe_miss(points: Array, sensor: Array, prior: Pose, shape: DockShape) -> str:
-    """What is near ``prior`` instead of a dock."""
+def describe_miss(points: Array, sensor: Array, prior: Pose, shape: DockShape) -> Miss:
+    """What is near ``prior`` instead of a dock, and where one is seen that is too far from it."""
     at = np.asarray(sensor[:2], dtype=np.float64)
     fits = [_fit(group, at, shape) for group in _groups(points) if _is_as_wide(group, shape)]
     near = [fit for fit in fits if _is_near(fit.pose, prior)]
     where = (
         f"within {SEARCH_RADIUS:.1f} m and {math.degrees(SEARCH_YAW):.0f} degrees of ({prior[0]:.2f}, {prior[1]:.2f})"
     )
-    if not near:
-        return f"no V of two plates is seen {where}"
-    best = min(fit.rms for fit in near)
-    return f"what is seen {where} is off the dock's shape by {1e3 * best:.0f} mm rms, want {1e3 * WORST_RMS:.0f} mm"
+    if near:
+        best = min(near, key=lambda fit: fit.rms)
+        text = f"what is seen {where} is off the dock's shape by {1e3 * best.rms:.0f} mm rms, want"
+        off = Measure(name="misfit of the shape", value=round(best.rms, 4), expected=WORST_RMS, unit="m")
+        seen = Thing(role="seen", kind="place", x=round(best.pose[0], 3), y=round(best.pose[1], 3))
+        return Miss(f"{text} {1e3 * WORST_RMS:.0f} mm", (seen,), (off,))
+    others = [(_away(fit.pose, prior), fit.pose) for fit in fits if fit.rms <= WORST_RMS]
+    away, other = min(others, key=lambda found: found[0], default=(math.inf, prior))
+    if away > ELSEWHERE:
+        return Miss(f"no V of two plates is seen {where}")
+    text = f"no V of two plates is seen {where}; one is seen at ({other[0]:.2f}, {other[1]:.2f}), {away:.2f} m away"
+    moved = Measure(
+        name="distance of the charger from its place", value=round(away, 3), expected=SEARCH_RADIUS, unit="m"
+    )
+    return Miss(text, (Thing(role="seen", kind="charger", x=round(other[0], 3), y=round(other[1], 3)),), (moved,))
 
 
 def _is_near(pose: Pose, prior: Pose) -> bool:
-    away = math.hypot(pose[0] - prior[0], pose[1] - prior[1])
-    return away <= SEARCH_RADIUS and abs(wrap(pose[2] - prior[2])) <= SEARCH_YAW
+    return _away(pose, prior) <= SEARCH_RADIUS and abs(wrap(pose[2] - prior[2])) <= SEARCH_YAW
+
+
+def _away(pose: Pose, prior: Pose) -> float:
+    return float(math.hypot(pose[0] - prior[0], pose[1] - prior[1]))
 
 
 def _groups(points: Array) -> list[Array]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from rackhand.schemas.base import NANOSECONDS
+from rackhand.schemas.explain import Thing
 from rackhand.schemas.maps import RegionType
 from rackhand.services.planner.control.lift_entry import PointState, Whereabouts
 from rackhand.services.planner.geometry.cells import cells_in
@@ -23,6 +24,7 @@ from rackhand.services.planner.map.grid import StaticMap
 from rackhand.services.planner.map.overlays import MapOverlays, Zone
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.perception.seen_scan import SeenScan
+from rackhand.services.planner.perception.things import thing_at
 
 Array = NDArray[np.float64]
 
@@ -48,6 +50,16 @@ def lifts(overlays: MapOverlays) -> tuple[Zone, ...]:
 def lift_at(overlays: MapOverlays, x: float, y: float) -> Zone | None:
     """The lift that a place is in."""
     return next((zone for zone in lifts(overlays) if zone.contains(x, y)), None)
+
+
+def nearest_lift(overlays: MapOverlays, place: Array) -> Thing | None:
+    """The lift whose middle is nearest to a place, (2,), as what is seen on the map; None on a map without lifts."""
+    middles = [(zone, zone.rings[0][:-1].mean(axis=0)) for zone in lifts(overlays)]
+    zone, middle = min(middles, key=lambda found: math.dist(found[1], place), default=(None, place))
+    if zone is None:
+        return None
+    x, y = middle.round(3).tolist()
+    return Thing(role="seen", kind="lift", name=zone.name or zone.id, x=x, y=y)
 
 
 def whereabouts(zone: Zone, body: Array) -> Whereabouts:
@@ -139,6 +151,18 @@ def find_doorway(static: StaticMap, zone: Zone, path: Array) -> Doorway | None:
     return Doorway(middle, along, left, right)
 
 
+def doorway_in_sight(static: StaticMap, zone: Zone, start: Array, place: Array) -> Doorway | None:
+    """Where the straight line from ``start`` to a place in a zone, (2,) each, enters it; None if a mapped obstacle is
+    on the line."""
+    g, way = static.geometry, place - start
+    shares = np.linspace(0.0, 1.0, max(math.ceil(2.0 * math.hypot(*way) / g.resolution), 1) + 1)
+    line = start + shares[:, None] * way
+    cells = [g.cell(x, y) for x, y in line.tolist()]
+    if any(static.occupied[cell] for cell in cells if 0 <= cell[0] < g.rows and 0 <= cell[1] < g.columns):
+        return None
+    return find_doorway(static, zone, np.column_stack([line, np.full(len(line), math.atan2(way[1], way[0]))]))
+
+
 def _side_near(ring: Array, point: Array) -> Array:
     """Unit vector along that side of a closed ring (n, 2) that is nearest to a point."""
     sides = np.diff(ring, axis=0)
@@ -191,3 +215,30 @@ def _hidden(places: Array, sensor: Pose, hits: Array) -> NDArray[np.bool_]:
     before = np.hypot(*by.T) < np.hypot(*at.T)[:, None] - NEARER
     behind: NDArray[np.bool_] = (beside & before).any(axis=1)
     return behind
+
+
+def hiding(costmap: LocalCostmap, sensor: Pose, place: Array) -> Thing | None:
+    """What hides a place, (2,) in the map frame, from the lidar at ``sensor``: the nearest hit of the newest scan that
+    is before it in the line of sight; None where there is none."""
+    hits = costmap.observed.points
+    before = np.array([_hidden(place[None], sensor, hit[None])[0] for hit in hits], dtype=np.bool_)
+    if not before.any():
+        return None
+    away = np.where(before, np.hypot(*(hits - sensor[:2]).T), np.inf)
+    k = int(away.argmin())
+    x, y = hits[k].round(3).tolist()
+    if costmap.observed.unmapped[k]:
+        return thing_at(costmap, x, y)
+    return Thing(role="blocks", kind="mapped obstacle", x=x, y=y)
+
+
+def standing_in(costmap: LocalCostmap, footprint: Footprint, place: Pose) -> Thing | None:
+    """What is in the place of the footprint at a pose, by the hits of the newest scan that no map has; None where there
+    are none."""
+    hits = costmap.observed.points[costmap.observed.unmapped]
+    inside = hits[inside_convex(transformed(place, footprint.polygon), hits)]
+    if not len(inside):
+        return None
+    x, y = inside.mean(axis=0).round(3).tolist()
+    found = thing_at(costmap, x, y)
+    return found if found.kind == "moving obstacle" else found.model_copy(update={"kind": "observed obstacle"})

@@ -16,11 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rackhand.schemas.explain import Measure, Role, Thing, ThingKind
 from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.se2 import Pose, wrap
 from rackhand.services.planner.perception.clusters import Clusters, small_clusters
 from rackhand.services.planner.perception.leg_fit import LegFit, fit_legs
+from rackhand.services.planner.perception.miss import Miss
 
 Array = NDArray[np.float64]
 
@@ -100,7 +102,7 @@ def measure_racks(points: Array, sensor: Array, leg_size: float) -> list[RackSig
     return taken
 
 
-def describe_miss(points: Array, sensor: Array, prior: Pose, specs: Sequence[RackSpec]) -> str:
+def describe_miss(points: Array, sensor: Array, prior: Pose, specs: Sequence[RackSpec]) -> Miss:
     """What is near ``prior`` instead of a rack of ``specs``, in the words of the real robot where it has some."""
     near = _near(small_clusters(points, sensor), prior, specs)
     others = _candidates(_rectangles(near) + _rectangles_of_three(near, points, sensor), prior)
@@ -108,12 +110,16 @@ def describe_miss(points: Array, sensor: Array, prior: Pose, specs: Sequence[Rac
         leg = specs[0].leg_size if specs else 0.0
         seen = min(others, key=lambda found: math.hypot(*(found.pose[:2] - prior[:2])))
         wanted = " or ".join(f"configed({spec.width:.3f},{spec.depth:.3f})" for spec in specs)
-        return f"Wrong rack size: detected({seen.width + leg:.3f},{seen.depth + leg:.3f}), {wanted or 'none configed'}"
-    legs = _legs_of_a_partial_rack(near, prior, specs)
+        text = f"Wrong rack size: detected({seen.width + leg:.3f},{seen.depth + leg:.3f}), {wanted or 'none configed'}"
+        return Miss(text, (_thing("seen", "rack", seen.pose),), _sizes(seen.width + leg, seen.depth + leg, specs))
+    missing = _missing_legs(near, prior, specs)
     place = f"within {SEARCH_RADIUS:.2f} m of ({prior[0]:.2f}, {prior[1]:.2f})"
-    if legs:
-        return f"failed to find rack: {legs} of 4 legs detected {place}"
-    return f"failed to find rack: no legs in a rectangle detected {place}"
+    legs = (Measure(name="legs seen", value=4 - len(missing), expected=4),)
+    if len(missing) < 4:
+        text = f"failed to find rack: {4 - len(missing)} of 4 legs detected {place}"
+        return Miss(text, tuple(_thing("expected", "rack leg", leg) for leg in missing), legs)
+    text = f"failed to find rack: no legs in a rectangle detected {place}"
+    return Miss(text, (_thing("expected", "rack", prior),), legs)
 
 
 def leg_middles(spec: RackSpec) -> Array:
@@ -273,16 +279,36 @@ def _share_a_leg(a: RackSighting, b: RackSighting) -> bool:
     return bool((away < 2.0 * SIZE_TOLERANCE).any())
 
 
-def _legs_of_a_partial_rack(near: Clusters, prior: Pose, specs: Sequence[RackSpec]) -> int:
-    """The most legs, 2 or 3, that are seen where some rack near the prior pose would have them; 0 for none."""
-    best = 0
+def _missing_legs(near: Clusters, prior: Pose, specs: Sequence[RackSpec]) -> Array:
+    """Where legs are not seen of the rack near the prior pose that shows the most, 2 or 3: (n, 2); of several such
+    racks the one nearest to it. All four legs of a rack at the prior pose where none shows two."""
+    best, missing = (1, 0.0), np.zeros((4, 2))
     for spec in specs:
         legs = se2.transformed(np.array([0.0, 0.0, prior[2]]), leg_middles(spec))
         for cluster in near.middles:
             for leg in legs:
                 shift = cluster - leg
-                if math.hypot(*(shift - prior[:2])) > SEARCH_RADIUS:
+                off = math.hypot(*(shift - prior[:2]))
+                if off > SEARCH_RADIUS:
                     continue
                 away = np.hypot(*((legs + shift)[:, None] - near.middles[None]).transpose(2, 0, 1))
-                best = max(best, int((away.min(axis=1) <= 2.0 * SIZE_TOLERANCE).sum()))
-    return best if best > 1 else 0
+                seen = away.min(axis=1) <= 2.0 * SIZE_TOLERANCE
+                if (found := (int(seen.sum()), -off)) > best and found[0] > 1:
+                    best, missing = found, (legs + shift)[~seen]
+    return missing
+
+
+def _sizes(width: float, depth: float, specs: Sequence[RackSpec]) -> tuple[Measure, ...]:
+    """What was measured, beside the kind of rack that it is most like."""
+    like = min(specs, key=lambda spec: abs(spec.width - width) + abs(spec.depth - depth), default=None)
+    return tuple(
+        Measure(name=f"{name} of the rack", value=round(found, 3), expected=wanted, unit="m", setting="rack.specs")
+        for name, found, wanted in (
+            ("width", width, None if like is None else like.width),
+            ("depth", depth, None if like is None else like.depth),
+        )
+    )
+
+
+def _thing(role: Role, kind: ThingKind, place: Array) -> Thing:
+    return Thing(role=role, kind=kind, x=round(float(place[0]), 3), y=round(float(place[1]), 3))

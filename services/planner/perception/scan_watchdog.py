@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.chassis import Scan
+from rackhand.schemas.explain import Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.perception.local_costmap import is_usable
@@ -49,4 +50,9 @@ class ScanWatchdog:
         since = self._begun if self._usable_stamp is None else self._usable_stamp
         age = 0.0 if since is None else (stamp - since) / NANOSECONDS
         if age > self._settings.scan_timeout + self._settings.scan_fail_after:
-            raise MoveFailed(MoveFailReason.CONTROL_COSTMAP_ERROR, f"no usable scan for {age:.1f} s")
+            arrives = self._usable_stamp is not None and self._scan_stamp > self._usable_stamp
+            few = f"scans arrive, with less than {self._settings.scan_min_valid_fraction:.0%} of their ranges measured"
+            text = f"no usable scan for {age:.1f} s: {few if arrives else 'the driver publishes none'}"
+            most = self._settings.scan_timeout + self._settings.scan_fail_after
+            lasted = Measure(name="time without a usable scan", value=round(age, 2), expected=round(most, 2), unit="s")
+            raise MoveFailed(MoveFailReason.CONTROL_COSTMAP_ERROR, text).about(measures=(lasted,))

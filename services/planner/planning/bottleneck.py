@@ -18,6 +18,7 @@ MOST_CELLS = 2_000_000
 HALVINGS = 6  # of the radius that is looked for
 NOTHING = 1e-6  # m; the radius of a disc that passes wherever a cell is free
 FIRST = 1e-2  # cells a cell: of places that are equally narrow, the first on the way
+EIGHT = np.ones((3, 3), dtype=np.bool_)  # neighbours of a cell
 STRAIGHT = 1e-3  # and of these the one nearest to the straight line
 
 Labels = NDArray[np.signedinteger]
@@ -97,15 +98,29 @@ def _tightest(
 ) -> Bottleneck:
     """Of the cells that may be passed, one on the shortest way between the part of the start and that of the goal."""
     (r0, c0), (r1, c1) = ends
+    between = _between(passable, apart == apart[ends[0]], apart == apart[ends[1]])
     from_start, to_goal = (distance_field(apart == apart[end], 1.0) for end in ends)
     rows, columns = np.indices(room.shape)
     length = max(math.hypot(r1 - r0, c1 - c0), 1e-9)
     off_line = np.abs((r1 - r0) * (columns - c0) - (c1 - c0) * (rows - r0)) / length
-    cost = np.where(passable, (1.0 + FIRST) * from_start + to_goal + STRAIGHT * off_line, np.inf)
+    cost = np.where(between, (1.0 + FIRST) * from_start + to_goal + STRAIGHT * off_line, np.inf)
     row, column = np.unravel_index(int(cost.argmin()), room.shape)
     x, y = g.centre(int(row), int(column))
     blocked_x, blocked_y = _nearest_blocked(room, (int(row), int(column)), g)
     return Bottleneck(x, y, radius, blocked_x, blocked_y)
+
+
+def _between(passable: Mask, start: Mask, goal: Mask) -> Mask:
+    """The passages that lead from the part of the start to that of the goal: what is narrow beside only one of them, as
+    the rim of a room along a wall, leads nowhere though the other part may be near behind that wall."""
+    passages, number = ndimage.label(passable & ~start & ~goal, structure=EIGHT)
+    beside = [
+        np.bincount(passages[ndimage.binary_dilation(part, EIGHT)], minlength=number + 1) for part in (start, goal)
+    ]
+    through = (beside[0] > 0) & (beside[1] > 0)
+    through[0] = False
+    found: Mask = through[passages]
+    return found if found.any() else passable
 
 
 def _nearest_blocked(room: Field, cell: tuple[int, int], g: Geometry) -> tuple[float, float]:
@@ -116,5 +131,5 @@ def _nearest_blocked(room: Field, cell: tuple[int, int], g: Geometry) -> tuple[f
 
 def _labels(room: Field, radius: float) -> Labels:
     """The parts of the space in which a disc can be, by number; 0 where it cannot."""
-    labels: Labels = ndimage.label(room >= radius, structure=np.ones((3, 3)))[0]
+    labels: Labels = ndimage.label(room >= radius, structure=EIGHT)[0]
     return labels

@@ -37,18 +37,20 @@ RELAXED_END = 0.005  # m by which less than the clearance at start or goal is as
 
 
 NOWHERE = Geometry(0.0, 0.0, 1.0, 0, 0)
+_LIMIT = "the most that the setting planning.search_limit allows"
 SLACK = 6.0  # m of cost beyond that of the start, to which the field is known: for driving, which may leave the path
 
 
 class NoPathFound(Exception):
     """No path. ``disconnected``: none for the inscribed circle. ``footprint``: one for the circle, none for the
-    footprint. ``budget``: none found before ``max_expansions``. ``bottleneck``: where the widest way is too narrow, and
-    for which radius, where that was looked for."""
+    footprint. ``budget``: none found among ``max_expansions`` places, as many as were ``tried``. ``bottleneck``: where
+    the widest way is too narrow, and for which radius, where that was looked for."""
 
-    def __init__(self, kind: Literal["disconnected", "footprint", "budget"], text: str) -> None:
+    def __init__(self, kind: Literal["disconnected", "footprint", "budget"], text: str, tried: int = 0) -> None:
         super().__init__(text)
         self.kind = kind
         self.text = text
+        self.tried = tried
         self.bottleneck: Bottleneck | None = None
         self.needed = 0.0
 
@@ -146,7 +148,7 @@ class GlobalPlanner:
         reach = self._nearest_start() / self._geometry.resolution
         cost, toward, expanded = cost_to_go(room, row, column, self._inflation, budget, here, reach, SLACK)
         if expanded >= budget:
-            raise NoPathFound("budget", f"search ended after {expanded} cells, the most that max_expansions allows")
+            raise NoPathFound("budget", f"search ended after {expanded} cells, {_LIMIT}", expanded)
         yield
         ends = self._ends(grid, start, target)
         direct = self._direct(grid, ends) if corridor is None else None
@@ -241,9 +243,8 @@ class GlobalPlanner:
                 outcome = lattice.EXHAUSTED
                 break
         if outcome == lattice.CUT_SHORT:
-            raise NoPathFound(
-                "budget", f"search with the footprint ended after {search.expanded} states without a path"
-            )
+            text = f"search with the footprint ended after {search.expanded} states without a path, {_LIMIT}"
+            raise NoPathFound("budget", text, search.expanded)
         if outcome == lattice.EXHAUSTED:
             text = f"a path exists for the inscribed radius {radius:.2f} m, none for the footprint"
             raise NoPathFound("footprint", text)

@@ -97,6 +97,11 @@ class Robot:
         return float(x), float(y), math.atan2(2 * (w * z + qx * qy), 1 - 2 * (qy * qy + z * z))
 
     @property
+    def driver_gone(self) -> bool:
+        """Nobody measures for it or drives it."""
+        return "driver_gone" in self.faults
+
+    @property
     def charge_contact(self) -> bool:
         """Its contacts meet a charger's: within 2 cm and 3° of a dock pose, turned round if they are at the front."""
         if self.profile.charge_contact == "none" or "no_charge_contact" in self.faults:
@@ -115,8 +120,8 @@ class Robot:
         return docked or "power_cable" in self.faults
 
     def admit(self, command: ChassisCommand) -> bool:
-        """False if the command answers an older stamp than one that was admitted before."""
-        if command.answers < self._admitted:
+        """False if the command answers an older stamp than one that was admitted before, or the driver is gone."""
+        if command.answers < self._admitted or self.driver_gone:
             return False
         self._admitted = command.answers
         return True

@@ -1,7 +1,8 @@
-"""Streams of velocities as clients send them: changing at every message."""
+"""Streams of velocities as clients send them: changing at every message, and turned round at the edge of reach."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from rackhand.services.controller import ik
@@ -39,4 +40,21 @@ def test_a_joint_velocity_that_alternates_about_zero_comes_to_nothing(speed: flo
     cell.ok("a", command="setVelocity", type="joints", data=[0.0] * 6)
     cell.until_rest()
     assert abs(cell.q[0] - UR5E.home[0]) < 0.02 + 0.02 * speed
+    cell.check_limits()
+
+
+@pytest.mark.parametrize("elbow", [0.05, 0.3])
+@pytest.mark.parametrize("back", [4, 10, 25])
+def test_a_tool_that_turns_back_from_the_edge_of_reach_rests_on_its_line(elbow: float, back: int) -> None:
+    cell = PerfectArm()
+    cell.ok("a", command="appendPath", type="joints", data=[[0, -1.2, elbow, -1, -1.57, 0]])
+    cell.until_rest()
+    cell.history.clear()
+    line = cell.tool()[:2, 3]
+    for speed in [0.1] * 15 + [-0.1] * back:
+        cell.ok("a", command="setVelocity", type="task", reference=1, data=[0, 0, speed, 0, 0, 0])
+        cell.advance(0.04)
+    cell.until_rest()
+    off = np.array([np.linalg.norm(cell.tool(q)[:2, 3] - line) for q in cell.driven()[0]])
+    assert off.max() < 2e-4
     cell.check_limits()

@@ -12,7 +12,7 @@ from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.load import Load, LoadState, Slip
-from rackhand.services.planner.perception.carried_rack import CarriedRack, objects_under
+from rackhand.services.planner.perception.carried_rack import CarriedRack, Moved, objects_under
 from rackhand.services.planner.perception.seen_scan import SeenScan
 from rackhand.services.planner.settings import NavigationSettings
 from tests.planner.plant import BODY, box
@@ -30,7 +30,7 @@ class Carrier:
     def __init__(self, spec: RackSpec = STANDARD, believed: RackSpec | None = None) -> None:
         self.spec, self.watch, self.scans = spec, CarriedRack(), 0
         self.load = Load(state=LoadState.CARRYING, spec=believed or spec, rack_pose=(0.0, 0.0, 0.0))
-        self.moved: list[str] = []
+        self.moved: list[Moved] = []
 
     def scan(self, rack: Sequence[float], things: Sequence[np.ndarray] = ()) -> SeenScan:
         self.scans += 1
@@ -82,7 +82,8 @@ def test_a_far_movement_is_told_once_with_figures_and_counts_from_there(shift: S
     carrier.see(LIFTED)
     now = se2.compose(np.array(LIFTED), np.array(shift))
     load = carrier.see(now, 0.95)
-    (text,) = carrier.moved
+    ((text, measures),) = carrier.moved
+    assert any(one.expected is not None and one.value > one.expected for one in measures)
     assert "0.06 m" in text and "4 degrees" in text
     assert load.rack_pose == load.lifted_pose == pytest.approx(tuple(now), abs=0.012)
     assert carrier.see(now, 4.0).slipped is Slip.SIGNIFICANTLY and len(carrier.moved) == 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from rackhand.services.planner.geometry import se2
@@ -49,8 +50,8 @@ def test_a_flat_board_a_crate_and_nothing_are_no_docks() -> None:
         for things in ([box(4.8, 6.0, 0.03, 0.48)], [box(4.7, 6.0, 0.35, 0.35, 0.78)], []):
             points = look(things, seed)
             assert find_dock(points, SENSOR, prior, SHAPE) is None
-    assert "off the dock's shape by" in describe_miss(look([box(4.8, 6.0, 0.03, 0.48)]), SENSOR, prior, SHAPE)
-    assert describe_miss(look([]), SENSOR, prior, SHAPE) == (
+    assert "off the dock's shape by" in describe_miss(look([box(4.8, 6.0, 0.03, 0.48)]), SENSOR, prior, SHAPE).text
+    assert describe_miss(look([]), SENSOR, prior, SHAPE).text == (
         "no V of two plates is seen within 0.6 m and 25 degrees of (-0.70, 0.00)"
     )
 
@@ -59,3 +60,12 @@ def test_a_dock_farther_off_or_turned_is_another_one() -> None:
     points = look(dock(np.array([-0.7, 0.0, 0.0])))
     assert find_dock(points, SENSOR, np.array([-0.7, 0.7, 0.0]), SHAPE) is None
     assert find_dock(points, SENSOR, np.array([-0.7, 0.0, 0.6]), SHAPE) is None
+
+
+def test_a_dock_that_was_moved_is_named_where_it_is() -> None:
+    points = look(dock(np.array([-0.7, 1.2, 0.0])))
+    miss = describe_miss(points, SENSOR, np.array([-0.7, 0.0, 0.0]), SHAPE)
+    (found,) = miss.things
+    assert (found.kind, found.role) == ("charger", "seen") and math.hypot(found.x + 0.7, found.y - 1.2) < 0.05
+    (away,) = miss.measures
+    assert away.value == pytest.approx(1.2, abs=0.05) and away.expected == 0.6 and "1.2" in miss.text

@@ -11,6 +11,7 @@ from rackhand.services.planner.map.grid import load_map
 from rackhand.services.planner.perception.lift_view import (
     DoorWatch,
     Doorway,
+    doorway_in_sight,
     find_doorway,
     is_in_lift,
     lift_at,
@@ -84,6 +85,17 @@ def test_the_doorway_is_where_the_path_crosses_and_as_wide_as_the_map_has_it() -
     assert find_doorway(static, zone, AHEAD[:10]) is None
     back = find_doorway(static, zone, np.array([(8.9, 4.0, 0.0), (7.0, 4.0, 0.0), (7.9, 4.2, 0.0)]))
     assert back is not None and back.into == pytest.approx((1.0, 0.0)), "out and in again: it is entered there"
+
+
+def test_without_a_path_the_doorway_is_on_the_straight_line_to_a_place_that_no_wall_hides() -> None:
+    static = load_map(hall().map(), 0.4)
+    zone = lift_at(static.overlays, PLACE[0], PLACE[1])
+    assert zone is not None
+    found = doorway_in_sight(static, zone, np.array([6.3, 4.2]), PLACE[:2])
+    assert found is not None
+    assert found.middle == pytest.approx((7.8, 4.08), abs=0.06)
+    assert found.into == pytest.approx((1.0, 0.0)) and found.left + found.right == pytest.approx(1.4, abs=0.1)
+    assert doorway_in_sight(static, zone, np.array([6.3, 1.0]), PLACE[:2]) is None, "the shaft is between"
 
 
 @pytest.mark.parametrize(("opening", "covered", "closed"), [(0.0, 1.0, True), (0.3, 0.7, True), (0.6, 0.4, False)])

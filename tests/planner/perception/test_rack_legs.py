@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from rackhand.schemas.racks import RackSpec
 from rackhand.services.planner.geometry import se2
-from rackhand.services.planner.perception.rack_legs import RackSighting, describe_miss, find_rack, find_racks
+from rackhand.services.planner.perception.rack_legs import (
+    RackSighting,
+    describe_miss,
+    find_rack,
+    find_racks,
+    leg_middles,
+)
 from tests.planner.plant import box
 from tests.planner.racks import LARGE, SENSOR, SPECS, STANDARD, legs, look
 
@@ -33,7 +39,7 @@ def find(points: Array, prior: Sequence[float]) -> RackSighting | None:
 
 
 def text(points: Array, prior: Sequence[float], specs: Sequence[RackSpec] = SPECS) -> str:
-    return describe_miss(points, SENSOR, np.array(prior), specs)
+    return describe_miss(points, SENSOR, np.array(prior), specs).text
 
 
 @pytest.mark.parametrize("spec", SPECS, ids=("standard", "large"))
@@ -173,3 +179,27 @@ def test_racks_are_found_without_knowing_where_they_are() -> None:
         quarters = 2 if spec is LARGE else 4
         turned = (pose[2] - place[2]) * quarters / (2 * math.pi)
         assert turned == pytest.approx(round(turned), abs=0.02)
+
+
+def test_a_leg_that_is_not_seen_is_named_where_it_should_be() -> None:
+    rack = np.array([1.7, 0.1, 0.05])
+    for hidden, (x, y) in enumerate(se2.transformed(rack, leg_middles(STANDARD))):
+        miss = describe_miss(seen(rack.tolist(), without=(hidden,)), SENSOR, np.array([1.7, 0.0, 0.05]), SPECS)
+        (leg,) = miss.things
+        assert (leg.kind, leg.role) == ("rack leg", "expected")
+        assert math.hypot(leg.x - x, leg.y - y) < 0.05, leg
+        assert [(one.name, one.value, one.expected) for one in miss.measures] == [("legs seen", 3, 4)]
+
+
+def test_without_legs_the_rack_is_what_is_missing() -> None:
+    miss = describe_miss(look([]), SENSOR, np.array([1.6, 0.0, 0.0]), SPECS)
+    assert [(one.kind, one.role, one.x, one.y) for one in miss.things] == [("rack", "expected", 1.6, 0.0)]
+    assert miss.measures[0].value == 0
+
+
+def test_a_rack_of_another_size_is_named_with_its_size_and_that_of_the_kind_it_is_most_like() -> None:
+    small = RackSpec(width=0.7, depth=0.7)
+    miss = describe_miss(seen((1.6, 0.0, 0.0), small), SENSOR, np.array([1.6, 0.0, 0.0]), SPECS)
+    assert [(one.kind, one.role) for one in miss.things] == [("rack", "seen")]
+    assert [one.expected for one in miss.measures] == [0.83, 0.83]
+    assert all(abs(one.value - 0.7) < 0.03 and one.setting == "rack.specs" for one in miss.measures)

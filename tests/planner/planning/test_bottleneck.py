@@ -40,6 +40,15 @@ def test_of_two_gaps_the_wider_one_is_named() -> None:
     assert found.y == pytest.approx(3.15, abs=0.08)
 
 
+def test_a_long_passage_is_named_though_the_goal_is_near_behind_a_wall_elsewhere() -> None:
+    blocked = wall((2.95, 3.35))
+    blocked[58, 30:60] = blocked[67, 30:60] = True  # the passage begins 1.5 m before the wall
+    found = bottleneck(blocked, G, START, GOAL, 0.3)
+    assert found is not None
+    assert 1.4 < found.x < 3.2 and found.y == pytest.approx(3.15, abs=0.1), found
+    assert found.radius == pytest.approx(0.2, abs=0.04)
+
+
 def test_a_wall_without_a_gap_is_named_where_it_is_crossed_on_the_straight_line() -> None:
     found = bottleneck(wall(), G, START, GOAL, 0.3)
     assert found is not None

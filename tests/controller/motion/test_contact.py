@@ -1,0 +1,92 @@
+"""What the contact watch finds in arm states: at the flange, in a joint, and in what is no contact."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rackhand.schemas.arrays import Array
+from rackhand.schemas.crf_contact import Contact
+from rackhand.schemas.motion import ArmState
+from rackhand.services.controller.motion.contact import ContactBounds, ContactWatch, describe
+from rackhand.services.controller.motion.disturbance import resting_efforts
+from rackhand.services.controller.motion.kinematics import ArmKinematics
+from tests.controller.cell import UR5E
+
+PERIOD_NS = 4_000_000
+BOUNDS = ContactBounds()
+KINEMATICS = ArmKinematics(UR5E)
+ROTATION = KINEMATICS.forward(UR5E.home).rotation
+
+
+class Watched:
+    """An arm at rest at home, whose motors carry its weight and what the tool does to the flange."""
+
+    def __init__(self) -> None:
+        self.watch, self.stamp = ContactWatch(UR5E), 0
+
+    def see(self, force: Array, off: Array | None = None, extra: Array | None = None) -> Contact | None:
+        """``force`` (3,) [N] of the tool on the flange, base axes; ``off`` (n,) [rad] its command; ``extra`` (n,) [N·m]
+        that something else pushes with."""
+        wrench = np.concatenate([ROTATION.T @ force, np.zeros(3)])
+        load = KINEMATICS.jacobian(UR5E.home).T @ np.concatenate([force, np.zeros(3)])
+        efforts = resting_efforts(UR5E, UR5E.home) - load - (np.zeros(6) if extra is None else extra)
+        state = ArmState(
+            stamp=self.stamp, q=tuple(UR5E.home), dq=(0.0,) * 6, efforts=tuple(efforts), wrench=tuple(wrench)
+        )
+        self.stamp += PERIOD_NS
+        return self.watch.see(state, UR5E.home if off is None else UR5E.home + off, ROTATION)
+
+    def meanwhile(self, seconds: float, force: Array) -> list[Contact | None]:
+        return [self.see(force) for _ in range(round(seconds * 1e9) // PERIOD_NS)]
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (0, 0, -1), (0.6, -0.8, 0)])
+def test_a_force_at_the_flange_is_found_though_the_motors_hold_it(direction: tuple[float, float, float]) -> None:
+    arm, weight = Watched(), np.array([0.0, 0.0, -20.0])
+    assert not any(arm.meanwhile(1.0, weight))
+    pushed = weight + 1.5 * BOUNDS.force * np.array(direction)
+    found = [arm.see(pushed) for _ in range(BOUNDS.ticks)]
+    assert found[:-1] == [None] * (BOUNDS.ticks - 1)
+    contact = found[-1]
+    assert contact is not None and contact.kind == "force" and contact.joint is None
+    assert contact.bound == BOUNDS.force and BOUNDS.force < contact.value < 1.5 * BOUNDS.force + 1e-9
+    assert describe(contact).startswith("at the flange: force of 1") and describe(contact).endswith("bound 80 N")
+
+
+def test_a_force_below_the_bound_is_none() -> None:
+    arm = Watched()
+    arm.meanwhile(0.5, np.zeros(3))
+    assert not any(arm.meanwhile(1.0, np.array([0.95 * BOUNDS.force, 0.0, 0.0])))
+
+
+def test_a_load_that_grows_slowly_is_none() -> None:
+    """In a second what the flange carries is another weight."""
+    arm = Watched()
+    arm.meanwhile(0.5, np.zeros(3))
+    forces = np.linspace(0.0, 2.0 * BOUNDS.force, 250)
+    assert not any(arm.see(np.array([0.0, 0.0, -force])) for force in forces)
+
+
+def test_a_blow_of_one_period_is_none() -> None:
+    arm = Watched()
+    arm.meanwhile(0.5, np.zeros(3))
+    arm.see(np.array([2.0 * BOUNDS.force, 0.0, 0.0]))
+    assert not any(arm.meanwhile(0.5, np.zeros(3)))
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_a_push_at_a_link_is_found_with_its_joint(joint: int) -> None:
+    arm = Watched()
+    arm.meanwhile(0.2, np.zeros(3))
+    extra = 2.0 * BOUNDS.torque * UR5E.limits.torque * np.eye(6)[joint]
+    found = next(contact for _ in range(25) if (contact := arm.see(np.zeros(3), extra=extra)))
+    assert (found.kind, found.joint, found.unit) == ("torque", joint, "N·m")
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_a_joint_that_does_not_follow_is_found(joint: int) -> None:
+    arm = Watched()
+    off = 1.1 * BOUNDS.following * np.eye(6)[joint]
+    found = [arm.see(np.zeros(3), off=off) for _ in range(BOUNDS.ticks)][-1]
+    assert found is not None and (found.kind, found.joint) == ("following", joint)
