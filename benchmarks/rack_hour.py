@@ -11,10 +11,11 @@ from __future__ import annotations
 import json
 import math
 import random
+import signal
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -88,15 +89,20 @@ def run(options: Options | None = None) -> Report:
     done = read(chosen.results)
     variants = [chosen.variant] if chosen.variant else list(VARIANTS)
     numbers = range(math.ceil(chosen.minutes / PART))
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # in the background there is no Ctrl-C
     try:
         for variant, number in [(v, n) for v in variants for n in numbers if (v, n) not in done]:
             done[variant, number] = Tally()
             drive(variant, number, done[variant, number])
-            with chosen.results.open("a") as file:
-                file.write(json.dumps({"variant": variant, "number": number, **asdict(done[variant, number])}) + "\n")
+            write(chosen.results, variant, number, done[variant, number])
     except KeyboardInterrupt:
         say("stopped: the table is of what was done, the world that was stopped included")
     return report({v: [done[v, n] for n in numbers if (v, n) in done] for v in variants})
+
+
+def write(file: Path, variant: str, number: int, tally: Tally) -> None:
+    with file.open("a") as lines:
+        lines.write(json.dumps({"variant": variant, "number": number, **vars(tally)}) + "\n")
 
 
 def read(file: Path) -> dict[tuple[str, int], Tally]:

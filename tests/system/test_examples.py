@@ -115,4 +115,4 @@ def test_plot_of_a_recording(cell: Cell, tmp_path: Path) -> None:
             recorder.terminate()
     printed = run("12_plot.py", str(recording), str(picture))
     poses = int(printed.split()[0])
-    assert poses > 20 and "<polyline" in picture.read_text()
+    assert poses > 0 and picture.read_text().count("<polyline") == 2
