@@ -36,6 +36,7 @@ NAMES = (
     "motion",
     "contact",
     "clearance",
+    "picks",
     "trajectory",
     "viewer",
     "viewer_memory",

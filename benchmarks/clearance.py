@@ -242,7 +242,7 @@ def report(verdicts: list[Verdict], judges: dict[str, Judge]) -> Report:
             "paths",
             "how many",
             "driven, touch something",
-            "nearest driven (mm)",
+            "nearest driven (mm, told up to 8)",
             "refused, are clear",
             "beyond reach or limits",
         ),
@@ -258,7 +258,8 @@ def report(verdicts: list[Verdict], judges: dict[str, Judge]) -> Report:
 
 
 def physics(verdicts: list[Verdict], judges: dict[str, Judge]) -> Table:
-    """Drives a sample in physics, by a controller that does not check: what the check accepts and what it refuses."""
+    """Drives a sample in physics, by a controller that does not know its station: paths that are accepted, and some
+    that are refused because of the station."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for kind in KINDS:
@@ -266,7 +267,9 @@ def physics(verdicts: list[Verdict], judges: dict[str, Judge]) -> Table:
             own = [v for v in verdicts if v.kind == kind]
             accepted = [v for v in own if v.driven][: DRIVEN_IN_PHYSICS // 2]
             # Those that the geometry says overlap, so that the physics must find them.
-            refused = [v for v in own if v.about and v.nearest < -1e-3][: DRIVEN_IN_PHYSICS // 8]
+            around = {solid.name for solid in judges[kind].arm.surroundings}
+            overlapping = [v for v in own if v.about and v.nearest < -1e-3 and any(name in v.text for name in around)]
+            refused = overlapping[: DRIVEN_IN_PHYSICS // 8]
             chosen = [*accepted, *refused]
             touched = {v.number: _touches(world, judges[kind], v) for v in track(chosen, f"{kind} in physics")}
             rows.append(
@@ -280,7 +283,7 @@ def physics(verdicts: list[Verdict], judges: dict[str, Judge]) -> Table:
         "The same in physics, a sample",
         ("arm", "accepted paths that touch something", "refused paths that overlap by the geometry, and touch"),
         rows,
-        "Driven at the default profile by a controller that does not check clearance.",
+        "Driven at the default profile by a controller that does not know its station.",
     )
 
 

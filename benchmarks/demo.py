@@ -90,11 +90,11 @@ def played_with(seed: int, folder: Path) -> Played:
             try:
                 player.play(STORY)
                 output.table()
+                if (holder := arm.status()["priorityUnderControl"]) != 0:
+                    problems.append(f"priority {holder} still holds the arm")
             except StoryError as error:
                 problems.append(str(error))
             seconds = chassis.now() - start
-            if (holder := arm.status()["priorityUnderControl"]) != 0:
-                problems.append(f"priority {holder} still holds the arm")
         cell.pause()
         judged, errors = judge(cell)
         problems += judged

@@ -13,10 +13,14 @@ DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 
 
 class BusConfig(BaseSettings):
-    """Read from ``RACKHAND_BUS_CONNECT``, ``…_LISTEN``, ``…_MODE`` and ``…_CONFIG``.
+    """Read from ``RACKHAND_BUS_CONNECT``, ``…_LISTEN``, ``…_MODE``, ``…_LEASE`` and ``…_CONFIG``.
 
     ``connect`` and ``listen`` are comma-separated Zenoh endpoints (``tcp/…``, ``tls/…``, ``unixsock-stream/…``). A
     ``config`` file in Zenoh's own JSON5 replaces everything else: certificates, passwords, access control.
+
+    ``lease``: seconds of silence after which others take this process for gone, as one that hangs or whose machine is
+    unplugged; one that ends is noticed at once. A cell in lockstep, which must not depend on how fast the
+    machine is, has a long one: a process that the load of the machine keeps from running would else be lost.
     """
 
     model_config = SettingsConfigDict(env_prefix="RACKHAND_BUS_", frozen=True)
@@ -24,6 +28,7 @@ class BusConfig(BaseSettings):
     connect: str = DEFAULT_ROUTER
     listen: str = "tcp/127.0.0.1:0"
     mode: Literal["peer", "client", "router"] = "peer"
+    lease: float = 1.0
     config: Path | None = None
 
     def zenoh_config(self) -> zenoh.Config:
@@ -46,7 +51,7 @@ class BusConfig(BaseSettings):
             "timestamping": {"enabled": False},
             "queries_default_timeout": 2000,
             "transport": {
-                "link": {"tx": {"lease": 1000, "queue": {"size": _QUEUES}}},
+                "link": {"tx": {"lease": round(1000 * self.lease), "queue": {"size": _QUEUES}}},
                 # Messages here are small; shared memory would leave segments behind after kill -9.
                 "shared_memory": {"enabled": False},
             },

@@ -16,6 +16,7 @@ from rackhand.bus import BusConfig
 from rackhand.schemas.base import Message
 from rackhand.schemas.world import ObjectPose, WorldReply
 from rackhand.services.launch.background import START, BackgroundCell
+from rackhand.services.launch.processes import PATIENT_LEASE
 from rackhand.testing.judge import Judge
 from rackhand.testing.world import WorldControl
 from rackhand.worlds.data import installed_worlds
@@ -95,7 +96,7 @@ class Cell(BackgroundCell, WorldControl):
 
     def bus_config(self) -> BusConfig:
         """For a ``rackhand.bus.Bus`` of the test's own."""
-        return BusConfig(connect=self.bus)
+        return BusConfig(connect=self.bus, lease=PATIENT_LEASE)
 
     def _temporary(self) -> Path:
         return Path(self._open.enter_context(tempfile.TemporaryDirectory(prefix="rackhand-cell-")))

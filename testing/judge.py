@@ -23,6 +23,7 @@ from rackhand.schemas.world import (
     WorldReply,
     WorldRequest,
 )
+from rackhand.services.launch.processes import PATIENT_LEASE
 from rackhand.testing.poses import planar
 from rackhand.testing.world import WorldControl
 
@@ -35,7 +36,7 @@ class Judge(WorldControl):
     """A client of a world's control and of its ground truth, on the bus at ``endpoint`` (as ``tcp/127.0.0.1:7447``)."""
 
     def __init__(self, endpoint: str) -> None:
-        self._bus = Bus(ServiceId("judge", CELL), BusConfig(connect=endpoint))
+        self._bus = Bus(ServiceId("judge", CELL), BusConfig(connect=endpoint, lease=PATIENT_LEASE))
         self._newest: Objects | None = None
 
     def __enter__(self) -> Judge:

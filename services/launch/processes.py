@@ -13,6 +13,7 @@ from rackhand.worlds.data import WorldFileError
 from rackhand.worlds.world_model import World, load_world, world_directory
 
 CONTROLLER_RATE = 250  # Hz
+PATIENT_LEASE = 30.0  # s of silence after which a process of a cell in lockstep counts as gone: see BusConfig
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,8 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
 
     Raises ``WorldFileError``.
     """
-    bus = {"RACKHAND_BUS_CONNECT": options.bus.endpoint}
+    lease = {"RACKHAND_BUS_LEASE": f"{PATIENT_LEASE:g}"} if options.lockstep else {}
+    bus = {"RACKHAND_BUS_CONNECT": options.bus.endpoint, **lease}
     world = served_world(options)
     return (
         Process(
@@ -105,6 +107,7 @@ def cell_processes(options: CellOptions, environment: Mapping[str, str]) -> tupl
             _module("rackhand.bus.router", *_router_arguments(options, environment.get("RACKHAND_BUS_CONNECT", ""))),
             listens=options.bus,
             option="--bus-port",
+            env=lease,
         ),
         *_simulator(options, world, bus),
         *(

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from rackhand.bus import BusConfig
 from rackhand.schemas.topics import QUERIES, TOPICS
 from rackhand.services.launch.cell import crf_addresses
 from rackhand.services.launch.cli import app
@@ -85,6 +86,19 @@ def test_options_reach_the_services() -> None:
         for name, process in table.items()
         if name != "router"
     )
+
+
+def test_in_lockstep_no_process_is_taken_for_gone_because_the_machine_is_busy(monkeypatch: pytest.MonkeyPatch) -> None:
+    patient = cell_processes(CellOptions(lockstep=True), {})
+    assert {process.env.get("RACKHAND_BUS_LEASE") for process in patient} == {"30"}
+    assert not any("RACKHAND_BUS_LEASE" in process.env for process in cell_processes(CellOptions(), {}))
+    assert '"lease":1000' in lease_of(BusConfig())
+    monkeypatch.setenv("RACKHAND_BUS_LEASE", "30")
+    assert '"lease":30000' in lease_of(BusConfig())
+
+
+def lease_of(config: BusConfig) -> str:
+    return str(config.zenoh_config().get_json("transport/link/tx")).replace(" ", "")
 
 
 def test_the_world_says_who_acts(tmp_path: Path) -> None:

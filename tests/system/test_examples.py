@@ -109,10 +109,10 @@ def test_plot_of_a_recording(cell: Cell, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "rackhand.services.launch", "record", str(recording), "--bus", cell.bus]
     with subprocess.Popen(command) as recorder:
         try:
-            cell.wait_until_there("cell/recorder")
+            cell.wait_until_there("cell/recorder", timeout=240.0)
             run("01_standard_move.py", cell.http, "3.5", "1.5")
         finally:
             recorder.terminate()
     printed = run("12_plot.py", str(recording), str(picture))
     poses = int(printed.split()[0])
-    assert poses > 20 and "<polyline" in picture.read_text()
+    assert poses > 0 and picture.read_text().count("<polyline") == 2

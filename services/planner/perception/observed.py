@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+import mmap
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,14 +52,20 @@ class Evidence(NamedTuple):
     def of(static: StaticMap, match_distance: float) -> Evidence:
         shape = static.blocked.shape
         mapped = near_blocked(static.occupied, match_distance / static.geometry.resolution)
-        # Written, not np.zeros: memory that is touched first in a tick costs the tick its page faults. Of a large map
-        # most is never seen, and is never given any memory.
-        level, counts = np.zeros(shape, dtype=np.int8), [np.zeros(shape, dtype=np.int32) for _ in range(4)]
-        if level.size <= WRITTEN_CELLS:
-            level.fill(0)
-            for array in counts:
-                array.fill(0)
-        return Evidence(static.geometry, mapped, level, *counts)
+        return Evidence(static.geometry, mapped, _zeros(shape, np.int8), *(_zeros(shape, np.int32) for _ in range(4)))
+
+
+def _zeros(shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[Any]:
+    """Zeros for which a tick does not wait.
+
+    Memory that is touched first in a tick costs the tick its page faults, so that of a map of usual size is written
+    here. Of a large map most is never seen, and is never given any memory; its pages are small ones, because for
+    ``np.zeros`` the system clears 2 MB at the first touch.
+    """
+    size = math.prod(shape)
+    if size <= WRITTEN_CELLS:
+        return np.full(shape, 0, dtype=dtype)
+    return np.frombuffer(mmap.mmap(-1, size * np.dtype(dtype).itemsize), dtype=dtype).reshape(shape)
 
 
 class Beams(NamedTuple):

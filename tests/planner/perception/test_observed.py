@@ -107,3 +107,17 @@ def test_what_is_not_seen_again_is_forgotten_what_moves_sooner() -> None:
         found.integrate(blind, away, EDGES)
         counts.append(int(found.occupied().sum()))
     assert counts[3] == 2 and counts[6] == 1 and counts[-1] == 0
+
+
+@pytest.mark.parametrize("written", [0, 10**6])
+def test_a_map_too_large_to_be_written_beforehand_is_observed_alike(
+    written: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rackhand.services.planner.perception.observed.WRITTEN_CELLS", written)
+    found = observed()
+    for array in found._evidence[2:]:
+        assert array.shape == (80, 160) and array.flags.writeable and array.flags.c_contiguous and not array.any()
+    for _ in range(3):
+        found.integrate(scan((0, 2.03)), HERE, EDGES)
+    assert cell(found, 4.03, 2.0) and found.occupied().sum() == 1
+    assert found.is_seen_free(np.array([3.5, 2.0])) and not found.is_seen_free(np.array([4.03, 2.0]))
