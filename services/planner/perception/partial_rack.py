@@ -35,7 +35,8 @@ def racks_of_two_legs(clusters: Clusters, place: Pose, specs: Sequence[RackSpec]
 def _near(clusters: Clusters, place: Pose, spec: RackSpec) -> Array:
     """Middles (n, 2) of the clusters that can be legs of a rack there."""
     reach = OFF + 0.5 * math.hypot(spec.depth, spec.width)
-    return clusters.middles[np.hypot(*(clusters.middles - place[:2]).T) <= reach]
+    near: Array = clusters.middles[np.hypot(*(clusters.middles - place[:2]).T) <= reach]
+    return near
 
 
 def _poses(middles: Array, place: Pose, spec: RackSpec) -> Iterator[Pose]:
