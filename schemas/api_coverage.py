@@ -72,6 +72,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     *_works("/chassis/moves/latest", "GET", text="an alias of the newest move"),
     *_works("/chassis/moves/{id}/explain", "GET", text="an extension"),
     *_works("/chassis/moves/{id}/explain/download", "GET", text="an extension"),
+    *_works("/chassis/moves/{id}/explain/download.rrd", "GET", text="an extension; needs the viewer"),
     *_works("/chassis/current-map", "GET", "POST"),
     *_works("/chassis/pose", "GET", "POST"),
     *_works("/chassis/status", "GET"),

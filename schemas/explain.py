@@ -51,6 +51,18 @@ class Thing(Message):
     needed: float | None = None
     at: Pose2 | None = None
 
+    @property
+    def sentence(self) -> str:
+        """``virtual wall 'north' at (3.00, 1.20): clearance -0.05 m, needed 0.05 m``"""
+        name = f" {self.name!r}" if self.name else ""
+        what = f"{self.kind}{name} at ({self.x:.2f}, {self.y:.2f})"
+        if self.role != "blocks":
+            what = f"{self.role}: {what}"
+        if self.clearance is None:
+            return what
+        needed = "" if self.needed is None else f", needed {self.needed:.2f} m"
+        return f"{what}: clearance {self.clearance:.2f} m{needed}"
+
 
 class Measure(Message):
     """A number that decided: what was measured against what was expected. ``setting``: the parameter that holds the
@@ -119,3 +131,16 @@ class ExplainMove(Message):
 
 class ExplainReply(Message):
     explanation: Explanation
+
+
+class RecordMove(Message):
+    """Make a recording of a move of ``robot``, as its planner has explained it."""
+
+    robot: str
+    explanation: Explanation
+
+
+class MoveRecording(Message):
+    """``data``: a file of Rerun's format ``.rrd``."""
+
+    data: bytes

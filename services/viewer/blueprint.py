@@ -41,6 +41,7 @@ ARM_PLOTS = {
     "Solver iterations, late ticks": ("counts/iterations", "counts/late_ticks"),
 }
 LOG = "log"
+CAUSE, THINGS = "cause", "things"  # of a move that is explained
 SCENE, FRAMES = "scene", "tf"
 BUS_PLOTS = {"Lost: dropped or malformed": "bus/lost", "Received": "bus/received"}
 Paths = tuple[str, ...]
@@ -63,6 +64,24 @@ def blueprint(cast: RobotSet) -> rrb.Blueprint:
     tabs = [*([_driving(cast)] if cast.chassis else ()), *([_arm(cast)] if cast.arms else ()), _bus()]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        auto_views=False,
+    )
+
+
+def move_blueprint(cast: RobotSet) -> rrb.Blueprint:
+    """The layout for the recording of one move: the place from above, the words, the speeds."""
+    shapes = _of(cast.chassis, (*CHASSIS_SHAPES, THINGS))
+    words = [rrb.TextDocumentView(origin=f"/{robot}/{CAUSE}", name="Cause") for robot in cast.chassis]
+    plot = _plot("Speed", _of(cast.chassis, CHASSIS_PLOTS["Speed"]))
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            _space("From above", shapes, _from_above(cast)),
+            rrb.Vertical(*words, plot, _log("Moves", _of(cast.chassis, (LOG,)))),
+            column_shares=[3, 2],
+        ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),

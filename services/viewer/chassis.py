@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from rackhand.schemas.base import Pose2
+from rackhand.schemas.base import Pose2, Twist2
 from rackhand.schemas.chassis import (
     Battery,
     ChassisCommand,
@@ -89,11 +89,14 @@ class ChassisView:
         yield Drawing(self._at("footprint"), (lines,), frame=self.frame, static=True)
 
     def pose(self, message: LocalisedPose) -> Iterable[Item]:
-        pose = message.pose
+        yield from self.place(message.pose)
+        yield from self._matched(self._pairing.add_pose(message))
+
+    def place(self, pose: Pose2) -> Iterable[Item]:
+        """The chassis at a pose in the map, with the trail that leads there."""
         yield Pose(self.frame, (pose.x, pose.y, 0.0), yaw_quaternion(pose.yaw))
         if self._trail.add((pose.x, pose.y, LINE_Z)):
             yield Drawing(self._at("trail"), (line(self._trail.points, colours.TRAIL, 2.0),), lasting=True)
-        yield from self._matched(self._pairing.add_pose(message))
 
     def scan(self, scan: Scan) -> Iterable[Item]:
         """Drawn as soon as the pose at which it was taken is known."""
@@ -108,12 +111,18 @@ class ChassisView:
     # -- measurements ------------------------------------------------------------------------------------------------
 
     def odometry(self, odometry: Odometry) -> Iterable[Item]:
-        yield Row(self._at("speed/forward"), (round(odometry.twist.linear, SPEED_DIGITS),))
-        yield Row(self._at("speed/turning"), (round(odometry.twist.angular, SPEED_DIGITS),))
+        yield from self.measured(odometry.twist)
+
+    def measured(self, twist: Twist2) -> Iterable[Item]:
+        yield Row(self._at("speed/forward"), (round(twist.linear, SPEED_DIGITS),))
+        yield Row(self._at("speed/turning"), (round(twist.angular, SPEED_DIGITS),))
 
     def command(self, command: ChassisCommand) -> Iterable[Item]:
-        yield Row(self._at("speed/forward_wanted"), (command.twist.linear,))
-        yield Row(self._at("speed/turning_wanted"), (command.twist.angular,))
+        yield from self.commanded(command.twist)
+
+    def commanded(self, twist: Twist2) -> Iterable[Item]:
+        yield Row(self._at("speed/forward_wanted"), (twist.linear,))
+        yield Row(self._at("speed/turning_wanted"), (twist.angular,))
 
     def jack(self, jack: Jack) -> Iterable[Item]:
         yield Row(self._at("charge/jack"), (100 * jack.progress,))
@@ -139,7 +148,7 @@ class ChassisView:
 
     def outline(self, footprint: ChassisFootprint) -> Iterable[Item]:
         """The footprint in force, which grows with a load."""
-        yield outline_drawing(self.robot, self.frame, footprint)
+        yield outline_drawing(self.robot, self.frame, footprint.outline)
 
     def load(self, load: LoadReport) -> Iterable[Item]:
         before, self._load = self._load, load

@@ -10,7 +10,6 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from rackhand.schemas.base import Pose2
-from rackhand.schemas.chassis import ChassisFootprint
 from rackhand.schemas.maps import MapData, PointType, overlay_code
 from rackhand.schemas.planar import as_tuple, transform
 from rackhand.schemas.racks import DetectedRack, LoadReport, Occupancy, RackStates, SeenRacks
@@ -28,9 +27,9 @@ STATES: Mapping[Occupancy, colours.Colour] = {
 }
 
 
-def outline_drawing(robot: str, frame: str, footprint: ChassisFootprint) -> Drawing:
-    """The outline that must not touch anything now, on the floor; ``frame`` is that of the chassis."""
-    return Drawing(f"{robot}/outline", (_closed(footprint.outline, colours.FOOTPRINT),), frame=frame, lasting=True)
+def outline_drawing(robot: str, frame: str, corners: NDArray[np.float64]) -> Drawing:
+    """The outline (n, 2) that must not touch anything now, on the floor; ``frame`` is that of the chassis."""
+    return Drawing(f"{robot}/outline", (_closed(corners, colours.FOOTPRINT),), frame=frame, lasting=True)
 
 
 def load_drawings(robot: str, frame: str, load: LoadReport) -> Iterable[Drawing]:

@@ -33,6 +33,10 @@ class Recording:
         self._lasting: dict[str, Drawing] = {}
         self._rows: dict[str, list[tuple[int, tuple[float, ...]]]] = defaultdict(list)
 
+    def to_memory(self) -> rr.MemoryRecording:
+        """Keep what is written from now on in memory, in place of the sinks."""
+        return self._stream.memory_recording()
+
     def show(self, blueprint: rrb.Blueprint) -> None:
         """How this recording, and each one after it, is laid out."""
         self._stream.send_blueprint(blueprint)

@@ -18,6 +18,7 @@ from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.service import CELL, ServiceId
 from rackhand.schemas.topics import Qos
+from rackhand.services.viewer import answers
 from rackhand.services.viewer.blueprint import blueprint
 from rackhand.services.viewer.bus_view import presence
 from rackhand.services.viewer.picture import Picture, RobotSet, drawn_topics, newest_topics
@@ -63,6 +64,7 @@ def run(settings: Settings) -> int:
                 return 1
         bus = stack.enter_context(Bus(ServiceId(service, CELL)))
         bus.handle_signals()
+        answers.serve(bus)
         viewer = Viewer(bus, _recordings(settings, server), settings.rate, settings.save is not None)
         bus.announce()
         if server is not None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from rackhand.bus import BusError, Refused
+from rackhand.bus import BusError, Refused, Unavailable
 from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.chassis import ChassisRequest, Done, SetControlMode
-from rackhand.schemas.explain import ExplainMove, ExplainReply, Explanation
+from rackhand.schemas.explain import ExplainMove, ExplainReply, Explanation, MoveRecording, RecordMove
 from rackhand.schemas.maps import (
     ChangeOverlays,
     CreateMap,
@@ -37,7 +37,7 @@ from rackhand.schemas.moves import (
 )
 from rackhand.schemas.parameters import ParameterChanges, ParametersReply, ParametersRequest, SetParameters
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
-from rackhand.schemas.service import WORLD
+from rackhand.schemas.service import CELL, WORLD
 from rackhand.schemas.world import ActiveFault, Clock, FaultState, InjectFault, WorldReply, WorldRequest
 from rackhand.services.planner.parameters import Basis, changed, check, defaults, in_force, ranges
 from rackhand.services.planner.settings import NavigationSettings
@@ -59,6 +59,8 @@ class FakeBus:
         self.moves: dict[int, Move] = {}
         self.pauses: list[PauseMove] = []
         self.explained = explanation()
+        self.recording: bytes | None = None  # what the viewer answers; None without one
+        self.recorded: list[RecordMove] = []
         self.maps: dict[int, MapData] = {}
         self.current_map: MapData | None = None
         self.control_mode = "auto"
@@ -67,12 +69,14 @@ class FakeBus:
         self.faults: tuple[ActiveFault, ...] = ()
 
     async def acall(self, query: topics.Query[Any, Any], request: Any, robot: str, timeout: float) -> Any:
-        assert robot == (WORLD if query is topics.WORLD_CONTROL else self.robot)
+        assert robot == {topics.WORLD_CONTROL: WORLD, topics.MOVE_RECORDING: CELL}.get(query, self.robot)
         assert timeout > 0
         if self.failure is not None:
             raise self.failure
         if isinstance(request, ExplainMove):
             return ExplainReply(explanation=self._explain(request))
+        if isinstance(request, RecordMove):
+            return self._record(request)
         self.requests.append(request.request)
         match request:
             case MoveRequest():
@@ -115,6 +119,12 @@ class FakeBus:
         if request.id not in self.moves:
             raise Refused(RefusalCode.NOT_FOUND, f"there is no move {request.id}")
         return self.explained.model_copy(update={"move": self.moves[request.id]})
+
+    def _record(self, request: RecordMove) -> MoveRecording:
+        if self.recording is None:
+            raise Unavailable(f"no service answers {topics.MOVE_RECORDING.name} of {CELL}")
+        self.recorded.append(request)
+        return MoveRecording(data=self.recording)
 
     @property
     def running(self) -> Move | None:

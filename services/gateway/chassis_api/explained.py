@@ -95,6 +95,7 @@ class MoveExplained(BaseModel):
     trace: list[ExplainedTick]
     paths: list[ExplainedPath]
     download_url: str
+    recording_url: str
 
 
 def explained(explanation: Explanation, root: str) -> MoveExplained:
@@ -120,6 +121,7 @@ def explained(explanation: Explanation, root: str) -> MoveExplained:
         trace=[_tick(row) for row in explanation.trace],
         paths=[_path(path, explanation.stamp) for path in explanation.paths],
         download_url=f"{root}/chassis/moves/{move.id}/explain/download",
+        recording_url=f"{root}/chassis/moves/{move.id}/explain/download.rrd",
     )
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 
+from rackhand.bus import Unavailable
 from rackhand.schemas import topics
-from rackhand.schemas.explain import ExplainMove
+from rackhand.schemas.explain import ExplainMove, MoveRecording, RecordMove
 from rackhand.schemas.moves import CancelMove, ClearMoves, CreateMove, GetMove, ListMoves, Move, MoveRequest, PauseMove
+from rackhand.schemas.service import CELL
 from rackhand.services.gateway.chassis_api.explained import MoveExplained, explained
 from rackhand.services.gateway.chassis_api.models import (
     MAX_ID,
@@ -21,9 +23,15 @@ from rackhand.services.gateway.chassis_api.models import (
     MoveShort,
 )
 from rackhand.services.gateway.context import Context, Gateway, root_of
-from rackhand.services.gateway.http.errors import failures, not_found
+from rackhand.services.gateway.http.errors import failures, not_found, unavailable
 
 router = APIRouter(prefix="/chassis/moves", tags=["moves"])
+
+RECORDING_TIMEOUT = 10.0  # s; the viewer has the lowest priority of the cell
+NO_VIEWER = (
+    "no viewer runs in this cell, and it makes the recording: start one with `python -m rackhand.services.viewer`, "
+    "or the cell without --no-viewer"
+)
 
 MoveId = Annotated[int, Path(ge=0, le=MAX_ID, description="the id that POST returned")]
 
@@ -91,6 +99,24 @@ async def download_explanation(move_id: MoveId, request: Request, gateway: Gatew
     return JSONResponse(body.model_dump(mode="json"), headers=headers)
 
 
+@router.get(
+    "/{move_id}/explain/download.rrd",
+    response_class=Response,
+    responses={
+        200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}},
+        **failures(404, 503),
+    },
+)
+async def download_recording(move_id: MoveId, gateway: Gateway) -> Response:
+    """The same as a Rerun recording, which `rackhand view FILE` opens: costmap, things, paths, the last 10 s of pose,
+    velocity and command, and the cause. The viewer makes it; 503 in a cell without one.
+    """
+    reply = await gateway.ask(topics.EXPLAIN, ExplainMove(id=move_id))
+    recording = await _record(gateway, RecordMove(robot=gateway.chassis, explanation=reply.explanation))
+    headers = {"content-disposition": f'attachment; filename="move_{move_id}.rrd"'}
+    return Response(recording.data, media_type="application/octet-stream", headers=headers)
+
+
 @router.patch("/current", responses=failures(400, 404, 413, 503))
 async def change_current_move(body: MoveChangeBody, gateway: Gateway) -> MoveChanged:
     """Cancel, pause or resume the running move; 404 when there is none."""
@@ -114,3 +140,11 @@ async def _one(gateway: Context, request: MoveRequest) -> Move:
     if not reply.moves:
         raise not_found("there is no such move")
     return reply.moves[0]
+
+
+async def _record(gateway: Context, wanted: RecordMove) -> MoveRecording:
+    """Raises ``HTTPException`` (503) without a viewer, and as ``BusClient.acall`` does."""
+    try:
+        return await gateway.shared.bus.acall(topics.MOVE_RECORDING, wanted, CELL, timeout=RECORDING_TIMEOUT)
+    except Unavailable:
+        raise unavailable(NO_VIEWER) from None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rackhand.schemas.explain import Evidence, Held, Thing, Verdict
+from rackhand.schemas.explain import Evidence, Held, Verdict
 from rackhand.schemas.moves import Move
 from rackhand.services.planner.moves.advice import advice_for
 from rackhand.services.planner.moves.evidence import MoveTrace
@@ -37,14 +37,12 @@ def cause_of(
     """The cause, and what to do about it."""
     held = () if trace is None else trace.held()
     if verdict in ("failed", "cancelled"):
-        words = [move.fail_message or f"the move {move.state}", *map(sentence, evidence.things)]
+        words = [move.fail_message or f"the move {move.state}", *_sentences(evidence)]
         return _joined(words), advice_for(move.fail_reason, move.fail_message) if verdict == "failed" else ""
     if verdict == "waiting":
         return f"the move waits: {held_by}", advice_for(0, held_by or "")
     if verdict == "stuck":
-        return _joined(
-            ["no progress", *map(sentence, evidence.things)]
-        ), "remove what is in the way, or cancel the move"
+        return _joined(["no progress", *_sentences(evidence)]), "remove what is in the way, or cancel the move"
     took = "" if trace is None else f" after {trace.seconds:.1f} s and {trace.driven:.2f} m"
     if verdict == "moving":
         return _joined([f"the move drives{took}", *map(_held, held[:3])]), ""
@@ -54,16 +52,8 @@ def cause_of(
     return _joined([f"the move succeeded{took}", *(short or ["nothing held it"])]), ""
 
 
-def sentence(thing: Thing) -> str:
-    """``a virtual wall 'north' at (3.00, 1.20): clearance -0.05 m, needed 0.05 m``"""
-    name = f" {thing.name!r}" if thing.name else ""
-    what = f"{thing.kind}{name} at ({thing.x:.2f}, {thing.y:.2f})"
-    if thing.role != "blocks":
-        what = f"{thing.role}: {what}"
-    if thing.clearance is None:
-        return what
-    needed = "" if thing.needed is None else f", needed {thing.needed:.2f} m"
-    return f"{what}: clearance {thing.clearance:.2f} m{needed}"
+def _sentences(evidence: Evidence) -> list[str]:
+    return [thing.sentence for thing in evidence.things]
 
 
 def _held(held: Held) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from rackhand.bus import Unavailable
 from tests.gateway.harness import Gateway
 
 
@@ -54,6 +55,33 @@ def test_the_evidence_can_be_downloaded_as_a_file(gateway: Gateway, move_id: int
     assert answer.headers["content-disposition"] == f'attachment; filename="move_{move_id}.json"'
 
 
-@pytest.mark.parametrize("path", ["/chassis/moves/999/explain", "/chassis/moves/x/explain"])
+def test_the_viewer_makes_a_recording_of_the_evidence(gateway: Gateway, move_id: int) -> None:
+    gateway.bus.recording = b"RRF2 and more"
+    found = gateway.http.get(f"/chassis/moves/{move_id}/explain").json()
+    assert found["recording_url"] == f"{gateway.url}/chassis/moves/{move_id}/explain/download.rrd"
+    answer = gateway.http.get(found["recording_url"])
+    assert (answer.status_code, answer.content) == (200, b"RRF2 and more")
+    assert answer.headers["content-type"] == "application/octet-stream"
+    assert answer.headers["content-disposition"] == f'attachment; filename="move_{move_id}.rrd"'
+    (asked,) = gateway.bus.recorded
+    assert (asked.robot, asked.explanation.move.id, asked.explanation.cause) == ("amr1", move_id, found["cause"])
+
+
+def test_without_a_viewer_the_answer_says_how_to_start_one(gateway: Gateway, move_id: int) -> None:
+    answer = gateway.http.get(f"/chassis/moves/{move_id}/explain/download.rrd")
+    assert answer.status_code == 503
+    assert "python -m rackhand.services.viewer" in answer.json()["detail"]
+
+
+def test_without_a_planner_the_answer_does_not_blame_the_viewer(gateway: Gateway, move_id: int) -> None:
+    gateway.bus.failure = Unavailable("no service answers moves/explain of amr1")
+    answer = gateway.http.get(f"/chassis/moves/{move_id}/explain/download.rrd")
+    assert (answer.status_code, answer.json()["detail"]) == (503, "no service answers moves/explain of amr1")
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/chassis/moves/999/explain", "/chassis/moves/x/explain", "/chassis/moves/999/explain/download.rrd"],
+)
 def test_an_unknown_move_is_not_found(gateway: Gateway, path: str) -> None:
     assert gateway.http.get(path).status_code == 404
