@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rerun.chunk import Chunk, RrdReader
@@ -24,6 +25,22 @@ def end(file: Path) -> int | None:
     """The last moment in it, in ns; none where nothing in it has a time."""
     moments = [chunk.to_record_batch()["sim_time"].cast("int64") for chunk in chunks(file) if not chunk.is_static]
     return max((stamp for column in moments for stamp in column.to_pylist()), default=None)
+
+
+def stamps(file: Path, entity: str) -> list[int]:
+    """When an entity was drawn."""
+    return sorted(
+        stamp
+        for chunk in chunks(file)
+        if chunk.entity_path == f"/{entity}" and not chunk.is_static
+        for stamp in chunk.to_record_batch()["sim_time"].cast("int64").to_pylist()
+    )
+
+
+def column(file: Path, entity: str, name: str) -> list[Any]:
+    """The values of one component of an entity, as in ``TextLog:text``: a list each time that it was drawn."""
+    batches = [chunk.to_record_batch() for chunk in chunks(file) if chunk.entity_path == f"/{entity}"]
+    return [value for batch in batches if name in batch.schema.names for value in batch[name].to_pylist()]
 
 
 def passing(file: Path) -> set[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
@@ -31,25 +31,6 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def column(file: Path, entity: str, name: str) -> list[Any]:
-    """The values of one component of an entity, one an entry."""
-    found = []
-    for chunk in reading.chunks(file):
-        batch = chunk.to_record_batch()
-        if chunk.entity_path == f"/{entity}" and name in batch.schema.names:
-            found += batch[name].to_pylist()
-    return found
-
-
-def stamps(file: Path, entity: str) -> list[int]:
-    return sorted(
-        stamp
-        for chunk in reading.chunks(file)
-        if chunk.entity_path == f"/{entity}" and not chunk.is_static
-        for stamp in chunk.to_record_batch()["sim_time"].cast("int64").to_pylist()
-    )
-
-
 def test_the_trace_is_on_the_timeline_of_the_simulation(file: Path) -> None:
     poses = reading.poses(file)
     assert sorted(stamp for stamp, _ in poses) == pytest.approx([END - 40 * MILLISECOND, END], abs=1000)
@@ -65,35 +46,35 @@ def test_velocity_and_command_are_curves_of_their_own(file: Path) -> None:
         "speed/forward_wanted": [0.4, 0.3],
         "speed/turning_wanted": [0.1, 0.0],
     }.items():
-        found = [value for [value] in column(file, f"amr1/{entity}", "Scalars:scalars")]
+        found = [value for [value] in reading.column(file, f"amr1/{entity}", "Scalars:scalars")]
         assert found == pytest.approx(values, abs=1e-6), entity
 
 
 def test_the_costmap_lies_at_its_origin_with_its_first_row_below(file: Path) -> None:
-    [[cells]] = column(file, "amr1/costmap", "GridMap:data")
-    [[place]] = column(file, "amr1/costmap", "GridMap:translation")
-    [[size]] = column(file, "amr1/costmap", "GridMap:cell_size")
+    [[cells]] = reading.column(file, "amr1/costmap", "GridMap:data")
+    [[place]] = reading.column(file, "amr1/costmap", "GridMap:translation")
+    [[size]] = reading.column(file, "amr1/costmap", "GridMap:cell_size")
     assert bytes(cells) == bytes([3, 4, 5, 0, 1, 2])
     assert place[:2] == pytest.approx([1.0, 0.5]) and size == pytest.approx(0.05)
-    assert stamps(file, "amr1/costmap") == [END]
+    assert reading.stamps(file, "amr1/costmap") == [END]
 
 
 def test_a_path_is_drawn_when_it_was_planned(file: Path) -> None:
-    [[strip]] = column(file, "amr1/path", "LineStrips3D:strips")
+    [[strip]] = reading.column(file, "amr1/path", "LineStrips3D:strips")
     assert np.array(strip)[:, :2].tolist() == [[2.0, 1.5], [4.0, 1.5]]
-    assert stamps(file, "amr1/path") == [15 * SECOND]
+    assert reading.stamps(file, "amr1/path") == [15 * SECOND]
 
 
 def test_things_have_their_places_and_names(file: Path) -> None:
-    [[place]] = column(file, "amr1/things", "Points3D:positions")
-    [[label]] = column(file, "amr1/things", "Points3D:labels")
+    [[place]] = reading.column(file, "amr1/things", "Points3D:positions")
+    [[label]] = reading.column(file, "amr1/things", "Points3D:labels")
     assert place[:2] == [3.0, 1.5]
     assert label == "virtual wall 'north' at (3.00, 1.50): clearance -0.05 m, needed 0.05 m"
 
 
 def test_the_footprint_is_drawn_where_the_chassis_ended(file: Path) -> None:
     """In the frame of the chassis, at (2, 1.5): its corners in the map are those of the explanation."""
-    [[strip]] = column(file, "amr1/outline", "LineStrips3D:strips")
+    [[strip]] = reading.column(file, "amr1/outline", "LineStrips3D:strips")
     assert np.array(strip)[:-1, :2] == pytest.approx(np.array([[0.3, -0.3], [0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3]]))
 
 
@@ -101,14 +82,14 @@ def test_a_footprint_of_a_turned_chassis_is_turned_back(tmp_path: Path) -> None:
     turned = explanation().model_copy(update={"pose": Pose2(x=2.0, y=1.5, yaw=np.pi / 2)})
     file = tmp_path / "move.rrd"
     file.write_bytes(recorded("amr1", turned))
-    [[strip]] = column(file, "amr1/outline", "LineStrips3D:strips")
+    [[strip]] = reading.column(file, "amr1/outline", "LineStrips3D:strips")
     assert np.array(strip)[0, :2] == pytest.approx([-0.3, -0.3], abs=1e-6), "(0.3, -0.3) in the map"
 
 
 def test_the_cause_is_text_and_a_line_of_the_log(file: Path) -> None:
-    [[text]] = column(file, "amr1/cause", "TextDocument:text")
+    [[text]] = reading.column(file, "amr1/cause", "TextDocument:text")
     assert text == words(explanation())
-    [[line]] = column(file, "amr1/log", "TextLog:text")
+    [[line]] = reading.column(file, "amr1/log", "TextLog:text")
     assert line.startswith("move 1 (standard) failed: path exists, no progress for 15 s")
 
 
@@ -138,7 +119,7 @@ def test_an_explanation_without_evidence_is_a_recording_of_its_words(tmp_path: P
     assert bounds(bare()) is None
     file = tmp_path / "move.rrd"
     file.write_bytes(recorded("amr1", bare()))
-    assert column(file, "amr1/cause", "TextDocument:text") == [[words(bare())]]
+    assert reading.column(file, "amr1/cause", "TextDocument:text") == [[words(bare())]]
     assert reading.poses(file) == {} and "amr1/costmap" not in reading.entities(file)
 
 

@@ -88,16 +88,6 @@ def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
 
 
-def stamps_of(file: Path, entity: str) -> list[int]:
-    """When an entity was drawn."""
-    return sorted(
-        stamp
-        for chunk in reading.chunks(file)
-        if chunk.entity_path == f"/{entity}" and not chunk.is_static
-        for stamp in chunk.to_record_batch()["sim_time"].cast("int64").to_pylist()
-    )
-
-
 def crate(position: tuple[float, float, float], body: str = "crate") -> SceneGeom:
     return SceneGeom(
         body=body, shape="box", size=(0.2, 0.2, 0.2), position=position, orientation=UPRIGHT, rgba=np.ones(4)
@@ -232,7 +222,7 @@ def test_what_lasts_is_drawn_again_for_those_who_come_late(bench: Bench) -> None
     bench.frame(after=6.0)  # time has not gone on: there is nothing to be forgotten
     bench.end()
     assert (20 * SECOND, "crate") in reading.poses(bench.file(1))
-    assert stamps_of(bench.file(1), "amr1/path") == [0, 20 * SECOND]
+    assert reading.stamps(bench.file(1), "amr1/path") == [0, 20 * SECOND]
 
 
 def test_of_a_drawing_that_changed_more_than_once_in_a_frame_the_last_is_drawn(bench: Bench) -> None:
@@ -241,7 +231,7 @@ def test_of_a_drawing_that_changed_more_than_once_in_a_frame_the_last_is_drawn(b
         bench.tell(topics.PATH, "amr1", messages.path(stamp))
     bench.frame()
     bench.end()
-    assert stamps_of(bench.file(1), "amr1/path") == [SECOND + 400 * MILLISECOND]
+    assert reading.stamps(bench.file(1), "amr1/path") == [SECOND + 400 * MILLISECOND]
 
 
 def test_services_that_come_and_go_are_reported(bench: Bench) -> None:
