@@ -52,12 +52,15 @@ class Thing(Message):
     at: Pose2 | None = None
 
     @property
+    def title(self) -> str:
+        """``virtual wall 'north'``, or ``seen: rack leg``"""
+        name = f" {self.name!r}" if self.name else ""
+        return f"{'' if self.role == 'blocks' else f'{self.role}: '}{self.kind}{name}"
+
+    @property
     def sentence(self) -> str:
         """``virtual wall 'north' at (3.00, 1.20): clearance -0.05 m, needed 0.05 m``"""
-        name = f" {self.name!r}" if self.name else ""
-        what = f"{self.kind}{name} at ({self.x:.2f}, {self.y:.2f})"
-        if self.role != "blocks":
-            what = f"{self.role}: {what}"
+        what = f"{self.title} at ({self.x:.2f}, {self.y:.2f})"
         if self.clearance is None:
             return what
         needed = "" if self.needed is None else f", needed {self.needed:.2f} m"

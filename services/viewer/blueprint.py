@@ -73,7 +73,7 @@ def blueprint(cast: RobotSet) -> rrb.Blueprint:
 
 def move_blueprint(cast: RobotSet) -> rrb.Blueprint:
     """The layout for the recording of one move: the place from above, the words, the speeds."""
-    shapes = _of(cast.chassis, (*CHASSIS_SHAPES, THINGS))
+    shapes = _of(cast.chassis, (*(shape for shape in CHASSIS_SHAPES if shape != "name"), THINGS))
     words = [rrb.TextDocumentView(origin=f"/{robot}/{CAUSE}", name="Cause") for robot in cast.chassis]
     plot = _plot("Speed", _of(cast.chassis, CHASSIS_PLOTS["Speed"]))
     return rrb.Blueprint(

@@ -190,7 +190,8 @@ class ChassisView:
         yield Row(self._at("distance/remaining"), (state.remaining_distance,))
         shown = (state.action_id, state.move_state)
         if state.action_id and (before is None or shown != (before.action_id, before.move_state)):
-            reason = f": {MoveFailReason(state.fail_reason).rest_string}" if state.fail_reason else ""
+            # Rerun's font has no Chinese, of which the strings of REST are half.
+            reason = f": {MoveFailReason(state.fail_reason).doc_name}" if state.fail_reason else ""
             text = f"move {state.action_id} ({state.action_type}) {state.move_state}{reason}"
             yield self._note(text, "WARN" if state.move_state == "failed" else None)
         if before is not None and state.stuck_state not in ("none", before.stuck_state):

@@ -44,7 +44,7 @@ def recorded(robot: str, explanation: Explanation) -> bytes:
 def words(explanation: Explanation) -> str:
     """The explanation as plain text: a headline, the cause, what to do, the things, the numbers."""
     move, evidence = explanation.move, explanation.evidence
-    reason = f": {MoveFailReason(move.fail_reason).rest_string}" if move.fail_reason else ""
+    reason = f": {MoveFailReason(move.fail_reason).doc_name}" if move.fail_reason else ""
     driven = f"{explanation.duration:.1f} s, {explanation.driven:.2f} m driven"
     lines = [f"Move {move.id} ({move.type}) {explanation.verdict}{reason}. {driven}.", "", explanation.cause]
     lines += [f"To do: {explanation.advice}"] if explanation.advice else []
@@ -113,7 +113,7 @@ def _things(robot: str, things: Iterable[Thing]) -> Drawing:
         np.array([(thing.x, thing.y, LINE_Z) for thing in shown]).reshape(-1, 3),
         colors=[_ROLES[thing.role] for thing in shown] or None,
         radii=THING_RADIUS,
-        labels=[thing.sentence for thing in shown] or None,
+        labels=[thing.title for thing in shown] or None,
         show_labels=True,
     )
     return Drawing(f"{robot}/{THINGS}", (dots,))
