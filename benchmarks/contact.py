@@ -88,7 +88,9 @@ def run() -> Report:
         "World `pick_station`, simulator and controller in one process. A fixed, rigid crate is put at "
         f"{PLACES} seeded places into the turn of joint 0, on the circle of the tool or inside it; median and "
         "greatest value of each row. Forces are those of the physics on rigid bodies, at each 1 ms step: an impact on "
-        "a real, padded arm or on a person is another. This is information, not a safety function.",
+        "a real, padded arm or on a person is another. For comparison: ISO/TS 15066:2016, table A.2, has 140 N for "
+        "hands, fingers and the chest that are clamped, and twice that for a transient contact (quoted without the "
+        "standard at hand: check it there). This is information, not a safety function.",
         more=[_pressing(presses)],
     )
 

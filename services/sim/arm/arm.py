@@ -26,6 +26,7 @@ from rackhand.services.sim.arm.servo import (
     stream_velocity,
 )
 from rackhand.services.sim.arm.suction import Suction
+from rackhand.services.sim.arm.take_over import TakeOver
 from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
 from rackhand.services.sim.mjcf.arm_model import FORCE, TOOL, TORQUE
 from rackhand.worlds.arm_model import ArmDescription
@@ -35,9 +36,6 @@ from rackhand.worlds.data import WorldFileError
 SHORTEST, LONGEST, FIRST_INTERVAL = 0.002, 0.02, 0.004
 # For so many intervals without a command a stream is taken to be late and goes on as it went; then it has ended.
 COASTS = 2
-# When positions follow a torque, the arm is ahead of where they begin by what it moved meanwhile. That difference, at
-# most this far (rad), is taken out in this time (s) instead of at once.
-TAKE_OVER, TAKE_OVER_TIME = 0.1, 0.3
 
 Mode = Literal["position", "velocity", "torque", "hold"]
 _PLANS = {"position": POSITION, "velocity": VELOCITY}
@@ -75,7 +73,7 @@ class Arm:
         self._check_home(home)
         self._fence = FencingGuard()
         self._order: Order | None = None
-        self._offset, self._offset_since = np.zeros(self.n), 0  # added to commanded positions, and faded out from then
+        self._take_over = TakeOver(self.limits.acceleration)
         self._taken: Order | None = None  # the order that the present segment follows
         self._mode: Mode = "hold"
         self.latency_ns = 0  # between a measurement and when the command that answers it takes effect
@@ -171,20 +169,13 @@ class Arm:
             if before is not None and before.mode == "torque":
                 # Without a bump: on from where the arm is, with the velocity it has.
                 velocity = slope = np.clip(self._now.velocity, -self.limits.velocity, self.limits.velocity)
-                self._take_over(self._now.position + self._now.velocity * interval - values, command.answers)
-            values = np.clip(values + self._faded(command.answers), self.limits.lower, self.limits.upper)
+                self._take_over.begin(command.answers, values, self._now.position + velocity * interval, velocity)
+            values = np.clip(
+                values + self._take_over.added(command.answers, values), self.limits.lower, self.limits.upper
+            )
         if before is not None and before.mode == command.mode == "position":
             velocity, slope = stream_velocity(values, before.values, before.slope, gap, interval, self.limits)
         self._order = Order(command.mode, values, command.answers, velocity, slope, interval, command.token)
-
-    def _take_over(self, ahead: Array, stamp: int) -> None:
-        """Positions follow a torque; the arm is ``ahead`` (n,) [rad] of them."""
-        self._offset, self._offset_since = np.where(np.abs(ahead) <= TAKE_OVER, ahead, 0.0), stamp
-
-    def _faded(self, stamp: int) -> Array:
-        """What is left of the offset: a cubic from 1 to 0 with level ends."""
-        share = min(max((stamp - self._offset_since) * 1e-9 / TAKE_OVER_TIME, 0.0), 1.0)
-        return self._offset * (1.0 - share * share * (3.0 - 2.0 * share))
 
     def silence(self) -> None:
         """Nobody commands it any more: it brakes at once. What its gripper holds it goes on holding."""
