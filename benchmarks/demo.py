@@ -21,12 +21,9 @@ from rich.console import Console
 from benchmarks.progress import say, track
 from benchmarks.report import Report, median
 from rackhand.services.launch.demo import stage
-from rackhand.services.launch.demo.arm import ArmClient
-from rackhand.services.launch.demo.chassis import ChassisClient
 from rackhand.services.launch.demo.console import Output
 from rackhand.services.launch.demo.errors import StoryError
-from rackhand.services.launch.demo.play import INTRUDER, PICKER
-from rackhand.services.launch.demo.player import Player
+from rackhand.services.launch.demo.play import on_stage
 from rackhand.services.launch.demo.story import ITEMS, RACK, STORY
 from rackhand.testing import Cell, distance
 from rackhand.worlds.world_model import load_world
@@ -75,26 +72,18 @@ def played_with(seed: int, folder: Path) -> Played:
     """The story in a cell of its own with this seed, in lockstep; ``folder``: of the cell."""
     printed, begun = io.StringIO(), time.monotonic()
     output = Output(Console(file=printed, width=120))
-    world = load_world(WORLD)
     problems, errors, seconds = list[str](), list[float](), 0.0
     with Cell(folder, seed=seed) as cell:
-        stage.set_aside(cell.bus)
-        address, waiting = cell.crf[stage.ARM], output.waiting
-        with (
-            ChassisClient(cell.http, waiting) as chassis,
-            ArmClient(address, "picker", PICKER, waiting) as arm,
-            ArmClient(address, "inspector", INTRUDER, waiting) as intruder,
-        ):
-            player = Player(chassis, arm, intruder, stage.base_of(world), stage.inventory(world), output)
-            start = chassis.now()
+        with on_stage(cell, load_world(WORLD), output) as player:
+            start = player.chassis.now()
             try:
                 player.play(STORY)
                 output.table()
-                if (holder := arm.status()["priorityUnderControl"]) != 0:
+                if (holder := player.arm.status()["priorityUnderControl"]) != 0:
                     problems.append(f"priority {holder} still holds the arm")
             except StoryError as error:
                 problems.append(str(error))
-            seconds = chassis.now() - start
+            seconds = player.chassis.now() - start
         cell.pause()
         judged, errors = judge(cell)
         problems += judged

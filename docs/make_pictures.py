@@ -18,16 +18,21 @@ from typing import Any
 
 import httpx
 from PIL import Image
-from playwright.sync_api import expect
+from playwright.sync_api import ViewportSize, expect
 from rerun.experimental import ViewerClient
 
+from rackhand.services.launch.demo.console import Output
+from rackhand.services.launch.demo.play import on_stage
+from rackhand.services.launch.demo.story import STORY, Pick
 from rackhand.testing import Cell, Judge
+from rackhand.worlds.world_model import load_world
 from tests.gateway.browser import browser, wait_until
 from tests.system.driving import Driver
 from tests.viewer import native
 
 FOLDER = Path(__file__).parent
 MOVE = {"creator": "docs", "type": "standard", "target_x": 15.0, "target_y": 10.3, "target_ori": 0.0}
+PAGE = ViewportSize(width=1200, height=740)
 PATIENCE = 120_000  # ms
 # Of a viewer's window of 1920 × 1080: without Rerun's own bars above and below.
 CONTENT = (0, 38, 1920, 1050)
@@ -48,7 +53,7 @@ def main() -> None:
 def take_page(cell: Cell, picture: Path) -> None:
     """The page, while the robot is half way."""
     with browser() as chromium:
-        page = chromium.new_page(viewport={"width": 1200, "height": 740}, device_scale_factor=1.5, locale="en-GB")
+        page = chromium.new_page(viewport=PAGE, device_scale_factor=1.5, locale="en-GB")
         page.goto(cell.http)
         expect(page.locator("#link")).to_have_text("live", timeout=PATIENCE)
         httpx.post(f"{cell.http}/chassis/moves", json=MOVE, timeout=PATIENCE / 1000, trust_env=False).raise_for_status()
@@ -81,6 +86,25 @@ def take_arm(cell: Cell, picture: Path) -> None:
         driver.wait(lambda world: world.clock.stamp * 1e-9 > begun + 9.0, "half of the figure is drawn")
         photograph(cell, judge, "Arm", picture)
         driver.close()
+
+
+def take_demo(cell: Cell, picture: Path) -> None:
+    """The demonstration at real time: the live view when the first jar stands on the table, and the page beside it
+    (``demo_page.png``). The story is then played to its end."""
+    output = Output()
+    with Judge(cell.bus) as judge, on_stage(cell, load_world("warehouse"), output) as player, browser() as chromium:
+        cell.wait_until_there("cell/viewer")
+        first = next(i for i, step in enumerate(STORY, 1) if isinstance(step.action, Pick))
+        player.play(STORY[:first])
+        page = chromium.new_page(viewport=PAGE, device_scale_factor=1.5, locale="en-GB")
+        page.goto(cell.http)
+        expect(page.locator("#link")).to_have_text("live", timeout=PATIENCE)
+        wait_until(page, "document.getElementById('load').textContent.trim() !== ''")
+        page.screenshot(path=picture.with_name("demo_page.png"))
+        photograph(cell, judge, "Driving", picture)
+        judge.resume()
+        player.play(STORY[first:])
+    output.table()
 
 
 def draw_with_arm(driver: Driver) -> None:
@@ -143,7 +167,12 @@ def photograph(cell: Cell, judge: Judge, tab: str, picture: Path) -> None:
             image.convert("RGB").crop(CONTENT).save(picture, optimize=True)
 
 
-PICTURES: dict[str, Callable[[Cell, Path], None]] = {"page": take_page, "driving": take_driving, "arm": take_arm}
+PICTURES: dict[str, Callable[[Cell, Path], None]] = {
+    "page": take_page,
+    "driving": take_driving,
+    "arm": take_arm,
+    "demo": take_demo,
+}
 
 
 if __name__ == "__main__":

@@ -26,15 +26,15 @@ class Player:
         goods: Mapping[str, Goods],
         output: Output,
     ) -> None:
-        self._chassis, self._arm, self._intruder = chassis, arm, intruder
+        self.chassis, self.arm, self._intruder = chassis, arm, intruder
         self._base, self._goods, self._output = base, goods, output
         self._points = chassis.points()
 
     def play(self, story: Sequence[Step]) -> None:
         """Raises ``StoryError``, whose text begins with the step that failed."""
-        start = self._chassis.now()
+        start = self.chassis.now()
         for number, step in enumerate(story, 1):
-            begun, wall = self._chassis.now(), time.monotonic()
+            begun, wall = self.chassis.now(), time.monotonic()
             self._output.begin(number, len(story), step.title, begun - start)
             try:
                 with self._output.progress():
@@ -43,24 +43,24 @@ class Player:
                 raise StoryError(f"step {number}, {step.title}: {error}") from None
             except (EOFError, OSError) as error:
                 raise StoryError(f"step {number}, {step.title}: the connection ended: {error!r}") from None
-            self._output.end(step.title, self._chassis.now() - begun, time.monotonic() - wall)
+            self._output.end(step.title, self.chassis.now() - begun, time.monotonic() - wall)
 
     def _do(self, action: Action) -> None:
         match action:
             case Move(kind, point):
-                self._chassis.move(kind, **self._target(point))
+                self.chassis.move(kind, **self._target(point))
             case Jack(direction):
-                self._chassis.jack(direction)
+                self.chassis.jack(direction)
             case Lock():
                 self._lock()
             case Pick(item, interrupted):
                 self._pick(self._goods[item], interrupted)
             case Unlock():
                 self._swing(picking.TO_TABLE)
-                self._arm.unlock()
+                self.arm.unlock()
             case Charge(point):
-                self._chassis.move("charge", **self._target(point))
-                self._chassis.wait_until_charging()
+                self.chassis.move("charge", **self._target(point))
+                self.chassis.wait_until_charging()
 
     def _target(self, point: str) -> dict[str, float]:
         if point not in self._points:
@@ -71,11 +71,11 @@ class Player:
     # -- the arm -----------------------------------------------------------------------------------------------------
 
     def _lock(self) -> None:
-        if not self._arm.lock():
-            self._arm.wait_for_control()
+        if not self.arm.lock():
+            self.arm.wait_for_control()
 
     def _pick(self, item: Goods, interrupted: bool) -> None:
-        rack, base = self._chassis.rack_pose(), self._base
+        rack, base = self.chassis.rack_pose(), self._base
         on_the_way = item.before_shelf(rack), item.above_lid(rack), item.pressed(rack)
         before, above, lid = (base.tool(point, picking.ACROSS) for point in on_the_way)
         over, down = (
@@ -87,7 +87,7 @@ class Player:
         self._tool(before, straight=False)
         self._tool(above, straight=False)
         self._tool(lid, straight=True)
-        self._arm.suction(True)
+        self.arm.suction(True)
         self._tool(above, straight=True)
         self._tool(before, straight=False)
         if interrupted:
@@ -96,7 +96,7 @@ class Player:
         self._swing(picking.TO_TABLE)
         self._tool(over, straight=False)
         self._tool(down, straight=True)
-        self._arm.suction(False)
+        self.arm.suction(False)
         self._tool(over, straight=True)
 
     def _interrupt(self) -> None:
@@ -109,32 +109,32 @@ class Player:
         self._intruder.start_joints([*joints[:5], joints[5] + 0.3])
         self._intruder.finish()
         try:
-            self._arm.finish()
+            self.arm.finish()
         except Interrupted:
             pass
         else:
             raise StoryError("the arm's first client was not informed that it had lost control")
-        if self._arm.lock():
+        if self.arm.lock():
             raise StoryError("control was granted to the first client while the other one held it")
         self._intruder.unlock()
-        self._arm.wait_for_control()
+        self.arm.wait_for_control()
 
     def _swing(self, joint: float) -> None:
         """Turn about the base in the tucked posture."""
         self._drive(lambda: self._start_swing(joint))
 
     def _start_swing(self, joint: float) -> None:
-        self._arm.start_joints([joint, *picking.TUCKED, self._arm.joints()[5]])
+        self.arm.start_joints([joint, *picking.TUCKED, self.arm.joints()[5]])
 
     def _tool(self, pose: picking.Json, straight: bool) -> None:
-        self._drive(lambda: self._arm.start_tool(pose, straight=straight))
+        self._drive(lambda: self.arm.start_tool(pose, straight=straight))
 
     def _drive(self, start: Callable[[], None]) -> None:
         """Start a path and wait for its end; where another client takes control, wait for that and drive it again."""
         while True:
             try:
                 start()
-                self._arm.finish()
+                self.arm.finish()
                 return
             except Interrupted:
                 self._lock()
