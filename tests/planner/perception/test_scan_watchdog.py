@@ -54,7 +54,7 @@ def test_a_scan_that_stays_out_fails_the_move_also_one_that_never_came() -> None
     with pytest.raises(MoveFailed) as failed:
         watchdog.check(end + SECOND // 10)
     assert failed.value.reason is MoveFailReason.CONTROL_COSTMAP_ERROR
-    assert failed.value.text == "no usable scan for 6.1 s"
+    assert failed.value.text == "no usable scan for 6.1 s: the driver publishes none"
 
 
 @pytest.mark.parametrize("returns", [0, 1, 3, 90])
