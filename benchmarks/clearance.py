@@ -29,6 +29,7 @@ from rackhand.services.controller.trajectory.stream import Motion
 from rackhand.worlds.arm_model import with_arm_kind
 from rackhand.worlds.world_model import load_world
 from tests.controller.station import CELLS, scene
+from tests.joined.arm import OK
 from tests.joined.world import JoinedWorld
 
 COUNT, SEED = 2000, 20
@@ -269,14 +270,14 @@ def physics(verdicts: list[Verdict], judges: dict[str, Judge]) -> Table:
             # Those that the geometry says overlap, so that the physics must find them.
             around = {solid.name for solid in judges[kind].arm.surroundings}
             overlapping = [v for v in own if v.about and v.nearest < -1e-3 and any(name in v.text for name in around)]
-            refused = overlapping[: DRIVEN_IN_PHYSICS // 8]
-            chosen = [*accepted, *refused]
+            chosen = [*accepted, *overlapping[: DRIVEN_IN_PHYSICS // 4]]
             touched = {v.number: _touches(world, judges[kind], v) for v in track(chosen, f"{kind} in physics")}
+            refused = [v for v in overlapping if touched.get(v.number) is not None][: DRIVEN_IN_PHYSICS // 8]
             rows.append(
                 (
                     kind,
-                    f"{sum(touched[v.number] for v in accepted)} of {len(accepted)}",
-                    f"{sum(touched[v.number] for v in refused)} of {len(refused)}",
+                    f"{sum(touched[v.number] is not False for v in accepted)} of {len(accepted)}",
+                    f"{sum(touched[v.number] is True for v in refused)} of {len(refused)}",
                 )
             )
     return Table(
@@ -287,16 +288,19 @@ def physics(verdicts: list[Verdict], judges: dict[str, Judge]) -> Table:
     )
 
 
-def _touches(world: JoinedWorld, judge: Judge, verdict: Verdict) -> bool:
+def _touches(world: JoinedWorld, judge: Judge, verdict: Verdict) -> bool | None:
+    """None if this controller refuses the path, too: the arm would come into itself."""
     world.ask(Reset())
     station = world.arm()
     station.advance(0.04)
     points = judge.points(verdict.number, verdict.form)
     if verdict.form == "joints":
-        station.ok(command="appendPath", type="joints", data=[q.tolist() for q in points])
+        path: dict[str, Any] = {"type": "joints", "data": [q.tolist() for q in points]}
     else:
         poses = [ik.forward(judge.arm, q) for q in points]
-        station.ok(command="appendPath", type="task", method=2, reference=1, data=[_message(pose) for pose in poses])
+        path = {"type": "task", "method": 2, "reference": 1, "data": [_message(pose) for pose in poses]}
+    if station.ask("a", command="appendPath", priority=10, **path)["message"] != OK:
+        return None
     while station.status()["isTrajectoryRunning"]["value"] and not world.simulation.contact_log.count:
         station.advance(0.2)
     station.advance(0.2)
