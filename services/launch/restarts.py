@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import dataclass
 
 # A shell's codes for "found but not executable" and "not found", and the usual one for a wrong command line:
@@ -14,7 +15,7 @@ class RestartPolicy:
     """Wait ``first_delay`` before the first restart, twice as long before each next one, never over ``longest_delay``.
 
     After ``healthy_after`` seconds of running, the count starts again. A process that never ran that long and has ended
-    ``attempts`` times is given up: it cannot start. All in seconds.
+    ``attempts`` times is given up: it cannot start. One that was killed from outside could. All in seconds.
     """
 
     first_delay: float = 0.5
@@ -48,7 +49,7 @@ def after_exit(policy: RestartPolicy, history: History, ran_for: float, code: in
     if not history.was_healthy:
         if code in HOPELESS_CODES:
             return history, GiveUp(f"it was started with wrong options (exit code {code})")
-        if history.failures >= policy.attempts:
+        if history.failures >= policy.attempts and code != -signal.SIGKILL:
             return history, GiveUp(f"it ended {history.failures} times without running for {policy.healthy_after:g} s")
     doublings = min(history.failures - 1, 30)
     return history, min(policy.first_delay * 2.0**doublings, policy.longest_delay)

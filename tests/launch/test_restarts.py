@@ -47,3 +47,11 @@ def test_a_wrong_command_line_is_given_up_at_once() -> None:
 def test_a_wrong_command_line_after_health_is_tried_again() -> None:
     _, verdict = after_exit(POLICY, ONCE_HEALTHY, 0.1, 2)
     assert verdict == 0.5
+
+
+def test_what_is_killed_from_outside_is_started_again_however_often() -> None:
+    history = History()
+    for _ in range(3 * POLICY.attempts):
+        history, verdict = after_exit(POLICY, history, 5.0, -9)
+        assert isinstance(verdict, float)
+    assert verdict == POLICY.longest_delay

@@ -22,6 +22,7 @@ def run_client_tests(folder: Path) -> subprocess.CompletedProcess[str]:
     """As in a client's own repository, with the plugin loaded by name where rackhand is not installed as a package."""
     command = [sys.executable, "-m", "pytest", "-q", "-p", "rackhand.testing.plugin", "-p", "no:cacheprovider"]
     environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
+    environment["COLUMNS"] = "200"  # a narrow summary leaves the reasons out
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
