@@ -201,7 +201,7 @@ EXPLAIN = Query("moves/explain", "rackhand/{robot}/moves/explain", "chassis", ex
                 explain.ExplainReply, "planner", ("gateway", "node"), "why a move failed, waits or is slow")
 MOVE_RECORDING = Query("viewer/move_recording", "rackhand/{robot}/viewer/move_recording", "any", explain.RecordMove,
                        explain.MoveRecording, "viewer", ("gateway", "node"),
-                       "an explained move as a Rerun recording; the name in the key is `cell`")
+                       "an explained move as a Rerun recording; the name in the key is cell")
 CHASSIS_REQUEST = Query("chassis/request", "rackhand/{robot}/chassis/request", "chassis", chassis.ChassisRequest,
                         chassis.Done, "planner", ("gateway", "node"),
                         "jack, control mode, emergency stop, remote twist, target to follow, set pose")
