@@ -30,3 +30,8 @@ class StoreError(Exception):
 
     Nothing in the file was changed.
     """
+
+
+def elapsed(what: str, seconds: float, most: float) -> Measure:
+    """How long something lasted, beside the time after which a move fails by it, as evidence."""
+    return Measure(name=what, value=round(seconds, 2), expected=most, unit="s")

@@ -35,7 +35,7 @@ from rackhand.services.planner.behaviors.approach import route_first
 from rackhand.services.planner.behaviors.base import Array, Behavior, Context
 from rackhand.services.planner.behaviors.docking import Docking, Obstruction, Place
 from rackhand.services.planner.control.docking import Funnel
-from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.errors import MoveFailed, elapsed
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.load import Load, LoadState
@@ -177,10 +177,8 @@ class ChargerDock:
             self._touched = waited
         if waited - self._touched > CURRENT_PATIENCE:
             text = f"the contacts meet those of charger {self._name}; no current flowed for {CURRENT_PATIENCE:.0f} s"
-            lasted = Measure(
-                name="time without current", value=round(waited - self._touched, 2), expected=CURRENT_PATIENCE, unit="s"
-            )
-            raise MoveFailed(Reason.NO_CHARGE_CURRENT, text).about(_charger("seen", self._point), measures=(lasted,))
+            flowed = elapsed("time without current", waited - self._touched, CURRENT_PATIENCE)
+            raise MoveFailed(Reason.NO_CHARGE_CURRENT, text).about(_charger("seen", self._point), measures=(flowed,))
         return None
 
     def exhausted(self, attempts: int, why: str) -> MoveFailed:

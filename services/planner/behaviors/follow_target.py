@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rackhand.schemas.base import NANOSECONDS, Pose2, Twist2
-from rackhand.schemas.explain import Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
 from rackhand.services.planner.behaviors.base import Behavior, Context, Drive, Status
@@ -39,7 +38,7 @@ from rackhand.services.planner.control.following import (
 )
 from rackhand.services.planner.control.given_line import must_wait
 from rackhand.services.planner.control.route import Route
-from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.errors import MoveFailed, elapsed
 from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
 from rackhand.services.planner.perception.chassis_state import Followed
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
@@ -127,8 +126,8 @@ class FollowTarget:
         if not paused and self._silence(ctx) > ctx.settings.follow_timeout:
             silence, most = self._silence(ctx), ctx.settings.follow_timeout
             text = f"no /follow_target_state for {silence:.0f} s, expected 2 to 4 a second"
-            lasted = Measure(name="time without /follow_target_state", value=round(silence, 2), expected=most, unit="s")
-            raise MoveFailed(MoveFailReason.FOLLOW_FAILED, text).about(measures=(lasted,))
+            silent = elapsed("time without /follow_target_state", silence, most)
+            raise MoveFailed(MoveFailReason.FOLLOW_FAILED, text).about(measures=(silent,))
 
     # -- driving -----------------------------------------------------------------------------------------------------
 

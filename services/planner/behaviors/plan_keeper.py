@@ -11,7 +11,7 @@ from rackhand.schemas.explain import Evidence, Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.services.planner.behaviors.base import Array, Context
 from rackhand.services.planner.control.route import Route
-from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.errors import MoveFailed, elapsed
 from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.perception.local_costmap import LocalCostmap
 from rackhand.services.planner.perception.things import thing_at
@@ -203,7 +203,7 @@ def narrow_place(costmap: LocalCostmap, no_path: NoPathFound) -> Evidence:
 def _waited_for_path(ctx: Context, waited: float, no_path: NoPathFound | None) -> Evidence:
     found = Evidence() if no_path is None else narrow_place(ctx.costmap, no_path)
     limit = ctx.settings.planning_timeout
-    measure = Measure(name="time without a path", value=round(waited, 2), expected=limit, unit="s")
+    measure = elapsed("time without a path", waited, limit)
     return found.model_copy(update={"measures": (measure, *found.measures)})
 
 

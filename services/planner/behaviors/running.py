@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from rackhand.schemas.base import NANOSECONDS
-from rackhand.schemas.explain import Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import MoveCreate
 from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.registry import Registry, behavior_for
 from rackhand.services.planner.behaviors.undock import Undock, undocking
-from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.errors import MoveFailed, elapsed
 from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
 
 PATIENCE_NS = 10 * NANOSECONDS
@@ -64,10 +63,9 @@ class RunningMove:
             self._waiting_since = stamp
         if stamp - self._waiting_since >= self._patience_ns:
             text = f"{trouble}; the move waited for {self._patience_ns / NANOSECONDS:.0f} s"
-            waited = round((stamp - self._waiting_since) / NANOSECONDS, 2)
-            most = self._patience_ns / NANOSECONDS
-            lasted = Measure(name="time that the move waited", value=waited, expected=most, unit="s")
-            raise MoveFailed(MoveFailReason.PLATFORM_ALERT_ERROR, text).about(measures=(lasted,))
+            seconds, most = (stamp - self._waiting_since) / NANOSECONDS, self._patience_ns / NANOSECONDS
+            waited = elapsed("time that the move waited", seconds, most)
+            raise MoveFailed(MoveFailReason.PLATFORM_ALERT_ERROR, text).about(measures=(waited,))
 
     def step(self, ctx: Context) -> Drive | Done:
         """One control step of the behaviour; before its first one, those that drive out of what the chassis is in."""

@@ -23,9 +23,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rackhand.schemas.base import NANOSECONDS
-from rackhand.schemas.explain import Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
-from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.errors import MoveFailed, elapsed
 
 DOOR_GRACE = 3.0  # s that a door may be closed
 UNKNOWN_FOR, OBSCURED_FOR = 10.0, 20.0  # s
@@ -147,6 +146,4 @@ class EntryRules:
 
 
 def _failed(reason: MoveFailReason, text: str, what: str, seconds: float, most: float) -> MoveFailed:
-    return MoveFailed(reason, text).about(
-        measures=(Measure(name=what, value=round(seconds, 2), expected=most, unit="s"),)
-    )
+    return MoveFailed(reason, text).about(measures=(elapsed(what, seconds, most),))

@@ -6,10 +6,10 @@ import math
 from typing import Literal
 
 from rackhand.schemas.base import NANOSECONDS
-from rackhand.schemas.explain import Evidence, Measure
+from rackhand.schemas.explain import Evidence
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.moves import StuckState
-from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.errors import MoveFailed, elapsed
 from rackhand.services.planner.settings import NavigationSettings
 
 Phase = Literal["planning", "driving", "rotating", "done"]
@@ -84,7 +84,7 @@ class ProgressWatch:
 
 
 def _lasted(what: str, seconds: float, most: float) -> Evidence:
-    return Evidence(measures=(Measure(name=what, value=round(seconds, 2), expected=round(most, 2), unit="s"),))
+    return Evidence(measures=(elapsed(what, seconds, round(most, 2)),))
 
 
 class RestWatch:

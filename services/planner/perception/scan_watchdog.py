@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.chassis import Scan
-from rackhand.schemas.explain import Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
-from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.errors import MoveFailed, elapsed
 from rackhand.services.planner.perception.local_costmap import is_usable
 from rackhand.services.planner.settings import NavigationSettings
 
@@ -54,5 +53,5 @@ class ScanWatchdog:
             few = f"scans arrive, with less than {self._settings.scan_min_valid_fraction:.0%} of their ranges measured"
             text = f"no usable scan for {age:.1f} s: {few if arrives else 'the driver publishes none'}"
             most = self._settings.scan_timeout + self._settings.scan_fail_after
-            lasted = Measure(name="time without a usable scan", value=round(age, 2), expected=round(most, 2), unit="s")
-            raise MoveFailed(MoveFailReason.CONTROL_COSTMAP_ERROR, text).about(measures=(lasted,))
+            missing = elapsed("time without a usable scan", age, round(most, 2))
+            raise MoveFailed(MoveFailReason.CONTROL_COSTMAP_ERROR, text).about(measures=(missing,))
