@@ -64,6 +64,7 @@ function showExplanation(explained) {
   show("move-advice", told && explained.advice ? `To do: ${explained.advice}.` : "");
   hide("move-why", !told);
   hide("move-advice", !(told && explained.advice));
+  hide("move-record", !told);
 }
 
 // Why a move does not go on, or an empty text.
