@@ -127,4 +127,4 @@ class ApiConnection:
 def is_jack_at(jack: Json, direction: str) -> bool:
     """Whether a frame of ``/jack_state`` shows the jack at rest at the end that it was sent ``up`` or ``down`` to."""
     end = 1.0 if direction == "up" else 0.0
-    return jack["state"] == "hold" and abs(jack["progress"] - end) < 0.01
+    return bool(jack["state"] == "hold" and abs(jack["progress"] - end) < 0.01)
