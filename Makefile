@@ -28,7 +28,7 @@ demo: $(VENV)/.run
 test: $(VENV)/.dev
 ifeq ($(strip $(ARGS)),)
 	@$(BIN)/pytest -m "not system" --numprocesses logical
-	@$(BIN)/pytest -m "system and not alone" --numprocesses 2 --dist loadfile
+	@$(BIN)/pytest -m "system and not alone" --numprocesses 2 --dist loadfile --no-loadscope-reorder
 	@$(BIN)/pytest -m "system and alone"
 else
 	@$(BIN)/pytest $(ARGS)

@@ -1,5 +1,6 @@
 // A standard move in TypeScript, for Node 22.18 or newer, which runs it as it is:
 // node examples/03_standard_move.ts http://localhost:8090 5.5 7.5
+// An older one, from 18 on, runs what `npx esbuild examples/03_standard_move.ts --outfile=move.mjs` makes of it.
 
 type Move = { id: number; state: "moving" | "succeeded" | "failed" | "cancelled"; fail_message: string };
 

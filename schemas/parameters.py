@@ -88,14 +88,14 @@ SETTINGS = (
         "bump_tolerance",
         "bump_based_speed_limit.bump_tolerance",
         "float",
-        f"{NO_EFFECT}; it has no sensor of bumps",
+        f"{NO_EFFECT}; it does not measure how uneven the floor is",
         "/control/bump_tolerance",
     ),
     Setting(
         "bump_based_speed_limit",
         "bump_based_speed_limit.enable",
         "bool",
-        NO_EFFECT,
+        f"{NO_EFFECT}; it does not measure how uneven the floor is",
         "/control/bump_based_speed_limit/enable",
     ),
     Setting(

@@ -11,6 +11,22 @@ settings.register_profile("rackhand", deadline=None, derandomize=True)
 settings.load_profile("rackhand")
 
 
+# Files with the longest tests of processes. Two workers take whole files: what begins last should be short.
+LONGEST_FIRST = (
+    "test_scenarios.py",
+    "test_demo.py",
+    "test_readme.py",
+    "test_viewer.py",
+    "test_lockstep.py",
+    "test_examples.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    order = {f"test_{name}": number for number, name in enumerate(LONGEST_FIRST)}
+    items.sort(key=lambda item: order.get(item.path.stem, len(order)))
+
+
 @pytest.fixture(autouse=True)
 def own_logging() -> Iterator[None]:
     """A test that sets up logging, as a command line does, leaves none of it to the next."""

@@ -152,6 +152,12 @@ def settings_table() -> Table:
     ]
 
 
+def robot_param_table() -> Table:
+    """Header and rows of ``/robot-params``."""
+    header: tuple[str, ...] = ("key", "setting", "what")
+    return header, [(f"`{row.old_key}`", f"`{row.name}`", row.description) for row in SETTINGS if row.old_key]
+
+
 def rack_spec_table() -> Table:
     """Header and rows of the fields of one kind of rack in ``rack.specs``."""
     header: tuple[str, ...] = ("field", "default", "what")
@@ -249,6 +255,7 @@ BLOCKS: dict[str, Callable[[], Table]] = {
     "fail-reasons-not-met": other_fail_reasons,
     "faults": fault_table,
     "settings": settings_table,
+    "robot-params": robot_param_table,
     "rack-spec": rack_spec_table,
     "api-endpoints": endpoint_table,
     "api-topics": documented_topic_table,

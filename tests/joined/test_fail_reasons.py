@@ -1,4 +1,7 @@
-"""Each reason a standard move can fail for, raised by its cause in the world."""
+"""Reasons that a standard move fails for at once or while it drives, each raised by its cause in the world.
+
+Those that come after a minute of patience are scenarios of the world ``empty`` (tests/system/test_scenarios.py).
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from PIL import Image
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.explain import Explanation
 from rackhand.schemas.fail_reasons import MoveFailReason as Reason
-from rackhand.schemas.world import InjectFault, Place
+from rackhand.schemas.world import InjectFault
 from tests.joined.chassis import JoinedChassis
 from tests.joined.world import JoinedWorld
 from tests.system.driving import no_go, square, standard, wall
@@ -44,10 +47,6 @@ def ahead(driver: JoinedChassis, metres: float) -> dict[str, object]:
     """A move to a point ahead of the robot, its heading kept."""
     pose = start(driver)
     return standard(pose.x + metres, pose.y, 0.0)
-
-
-def box(driver: JoinedChassis, name: str, x: float, y: float, length: float, width: float) -> None:
-    driver.world.ask(Place(name=name, pose=Pose2(x=x, y=y, yaw=0.0), size=(length, width, 0.6)))
 
 
 def fault(driver: JoinedChassis, name: str) -> None:
@@ -93,33 +92,6 @@ def goal_behind_virtual_walls(driver: JoinedChassis) -> int:
     return driver.post(ahead(driver, 3.0))
 
 
-def goal_in_a_slot_too_narrow_to_turn_into(driver: JoinedChassis) -> int:
-    """A passage of 0.66 m with a right angle in it: wide enough for the inscribed circle, not for the body to turn."""
-    wide, x, y = 0.66, start(driver).x + 2.0, start(driver).y
-    passage = ((x + wide, y + wide / 2), (x + wide, y + 3.0)), ((x, y - wide / 2), (x + 2 * wide, y - wide / 2))
-    outer = ((x, y + wide / 2), *passage[0], (x - 1.0, y + 3.0), (x - 1.0, y + 5.0), (x + 3.0, y + 5.0),
-             (x + 3.0, y + 3.0), (x + 2 * wide, y + 3.0), *reversed(passage[1]))  # fmt: skip
-    driver.overlay(wall(*outer))
-    return driver.post(standard(x + 1.0, y + 4.0, 0.0))
-
-
-def way_closed_for_good_while_driving(driver: JoinedChassis) -> int:
-    pose = start(driver)
-    goal_x = pose.x + 4.5
-    move = driver.post(standard(goal_x, pose.y, 0.0))
-    driver.wait_until_moving()
-    for number, (dx, dy, length, width) in enumerate(
-        ((-0.8, 0, 0.1, 1.7), (0.8, 0, 0.1, 1.7), (0, 0.8, 1.7, 0.1), (0, -0.8, 1.7, 0.1))
-    ):
-        box(driver, f"side_{number}", goal_x + dx, pose.y + dy, length, width)
-    return move
-
-
-def wheels_that_do_not_turn(driver: JoinedChassis) -> int:
-    fault(driver, "wheels_blocked")
-    return driver.post(ahead(driver, 3.0))
-
-
 def lidar(kind: str) -> Callable[[JoinedChassis], int]:
     def cause(driver: JoinedChassis) -> int:
         move = driver.post(ahead(driver, 4.0))
@@ -133,13 +105,6 @@ def lidar(kind: str) -> Callable[[JoinedChassis], int]:
 def cable_plugged_in(driver: JoinedChassis) -> int:
     fault(driver, "power_cable")
     return driver.post(ahead(driver, 3.0))
-
-
-def crate_in_the_way_of_turning(driver: JoinedChassis) -> int:
-    pose = start(driver)
-    box(driver, "left", pose.x, pose.y + 0.42, 0.6, 0.2)
-    box(driver, "right", pose.x, pose.y - 0.42, 0.6, 0.2)
-    return driver.post(standard(ori=1.57))
 
 
 def map_changed_while_driving(driver: JoinedChassis) -> int:
@@ -162,12 +127,8 @@ EXPLAINED: dict[str, tuple[str, tuple[float, float] | None]] = {
     "goal_in_a_no_go_zone": ("no-go zone", (3.0, 0.0)),
     "nothing_to_drive_and_nothing_to_turn_to": ("no rotation to make", None),
     "goal_behind_virtual_walls": ("virtual wall", (2.4, 0.0)),
-    "goal_in_a_slot_too_narrow_to_turn_into": ("virtual wall", (2.0, 3.0)),  # an end of the slot
-    "way_closed_for_good_while_driving": ("observed obstacle", (3.7, 0.0)),
-    "wheels_that_do_not_turn": ("does not follow velocity commands", None),
     "lidar.<locals>.cause": ("no usable scan", None),
     "cable_plugged_in": ("power cable", None),
-    "crate_in_the_way_of_turning": ("observed obstacle", (0.0, 0.0)),
     "map_changed_while_driving": ("the map was changed", None),
     "deprecated_type": ("deprecated", None),
 }
@@ -182,13 +143,9 @@ CAUSES: list[tuple[Reason, Callable[[JoinedChassis], int]]] = [
     (Reason.ENDING_POINT_NOT_IN_GROUND, goal_in_a_no_go_zone),
     (Reason.STARTING_EQUAL_ENDING, nothing_to_drive_and_nothing_to_turn_to),
     (Reason.CALCULATION_FAILED, goal_behind_virtual_walls),
-    (Reason.NO_GLOBAL_PATH, goal_in_a_slot_too_narrow_to_turn_into),
-    (Reason.PLANNING_TIMEOUT, way_closed_for_good_while_driving),
-    (Reason.MOVE_TIMEOUT, wheels_that_do_not_turn),
     (Reason.CONTROL_COSTMAP_ERROR, lidar("lidar_dead")),
     (Reason.CONTROL_COSTMAP_ERROR, lidar("lidar_blind")),
     (Reason.POWER_CABLE_CONNECTED, cable_plugged_in),
-    (Reason.ROTATE_TIMEOUT, crate_in_the_way_of_turning),
     (Reason.MAP_CHANGED, map_changed_while_driving),
     (Reason.MOVE_ACTION_TYPE_DEPRECATED, deprecated_type),
 ]

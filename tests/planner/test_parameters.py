@@ -13,6 +13,7 @@ from rackhand.schemas.chassis import ChassisModel, Jack, SetControlMode
 from rackhand.schemas.parameters import (
     KEYS,
     NAMES,
+    NO_EFFECT,
     SETTINGS,
     DriveParameterChanges,
     DriveParameters,
@@ -22,6 +23,7 @@ from rackhand.schemas.parameters import (
     ParametersReply,
     ParametersRequest,
     SetParameters,
+    Setting,
 )
 from rackhand.schemas.racks import RackSpec
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
@@ -320,6 +322,48 @@ def test_the_expanded_footprint_follows_its_setting(cell: Cell) -> None:
     assert plain.expanded == pytest.approx(plain.outline)
     assert larger.outline == pytest.approx(plain.outline)
     assert np.abs(larger.expanded) == pytest.approx(np.abs(plain.outline) + 0.05)
+
+
+def effects(cell: Cell) -> dict[str, Any]:
+    """What the settings do to a chassis, unloaded and with 270 of 300 kg: what it drives with, reports and refuses."""
+    cell.tick()
+    unloaded = repr(cell.motion.settings)
+    cell.jack = Jack(stamp=0, state="hold", progress=1.0, weight=270.0)
+    cell.tick()
+    seen = {
+        "moves": (unloaded, repr(cell.motion.settings)),
+        "remote": cell.chassis._remote_limits(),
+        "footprint": cell.heard(topics.FOOTPRINT)[-1].expanded.tolist(),
+    }
+    cell.jack = Jack(stamp=0, state="jacking_down", progress=0.5, weight=270.0)
+    cell.tick()
+    try:
+        seen["jacking"] = cell.create().state
+    except RequestRefused as refused:
+        seen["jacking"] = refused.code
+    return seen
+
+
+OTHER_VALUES: dict[str, Any] = {
+    "smooth_level": "higher",
+    "rack_specs": KINDS,
+    "max_backward_velocity": -0.1,
+    "max_forward_decel": -1.0,
+}
+
+
+def another(value: float | bool) -> float | bool:
+    return not value if isinstance(value, bool) else max(0.5 * value, 0.05)
+
+
+@pytest.mark.parametrize("row", SETTINGS, ids=lambda row: row.name)
+def test_every_setting_acts_or_says_that_it_does_not(make_cell: Callable[..., Cell], row: Setting) -> None:
+    untouched, changed = make_cell(), make_cell()
+    default = getattr(get(changed).defaults, row.field)
+    other = OTHER_VALUES[row.field] if row.field in OTHER_VALUES else another(default)
+    assert getattr(put(changed, **{row.field: other}), row.field) == other != default
+    acts = effects(changed) != effects(untouched)
+    assert acts == (not row.description.startswith(NO_EFFECT))
 
 
 # -- driving ---------------------------------------------------------------------------------------------------------

@@ -19,22 +19,45 @@ EXAMPLES = ROOT / "examples"
 ELSEWHERE = {"09_hardware_driver.py"}
 
 
-def run(name: str, *arguments: str) -> str:
-    """What an example prints. Fails with it unless the exit status is 0."""
-    started_by = {".py": [sys.executable], ".sh": ["bash"], ".ts": ["node"]}[(EXAMPLES / name).suffix]
-    command = [*started_by, str(EXAMPLES / name), *arguments]
-    result = subprocess.run(command, cwd=EXAMPLES, capture_output=True, text=True, timeout=300, check=False)
+def run(name: str, *arguments: str, built: Path | None = None) -> str:
+    """What an example prints. Fails with it unless the exit status is 0. ``built``: what was made of it to be run."""
+    file = built or EXAMPLES / name
+    started_by = {".py": [sys.executable], ".sh": ["bash"], ".ts": ["node"], ".mjs": ["node"]}.get(file.suffix, [])
+    result = done(*started_by, str(file), *arguments)
     assert result.returncode == 0, result.stdout + result.stderr
     return result.stdout
 
 
-def runs_typescript() -> bool:
-    """Node runs TypeScript as it is from 22.18 on."""
+def done(*command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, cwd=EXAMPLES, capture_output=True, text=True, timeout=300, check=False)
+
+
+def runnable_typescript(folder: Path) -> Path:
+    """Node runs TypeScript as it is from 22.18 on, an older one what esbuild makes of it."""
+    source = EXAMPLES / "03_standard_move.ts"
     if shutil.which("node") is None:
-        return False
-    version = subprocess.run(["node", "--version"], capture_output=True, text=True, check=True).stdout
-    major, minor = map(int, version.strip().lstrip("v").split(".")[:2])
-    return (major, minor) >= (22, 18)
+        pytest.skip("Node is not installed")
+    major, minor = map(int, done("node", "--version").stdout.strip().lstrip("v").split(".")[:2])
+    if (major, minor) >= (22, 18):
+        return source
+    script = folder / "03_standard_move.mjs"
+    if shutil.which("npx") is None or done("npx", "--yes", "esbuild", str(source), f"--outfile={script}").returncode:
+        pytest.skip(f"Node {major}.{minor} does not run TypeScript, and npx cannot get esbuild")
+    return script
+
+
+def compiled_c(folder: Path) -> Path:
+    """The program of the C example, made as its head says."""
+    if shutil.which("cc") is None or shutil.which("pkg-config") is None:
+        pytest.skip("a C compiler or pkg-config is not installed")
+    libraries = done("pkg-config", "--cflags", "--libs", "zenohpico", "msgpack")
+    if libraries.returncode:
+        pytest.skip(f"zenoh-pico or msgpack-c is not installed: {libraries.stderr.splitlines()[0]}")
+    program = folder / "subscriber"
+    flags = ("-Wall", "-Wextra", "-Werror", "-DZENOH_LINUX", "-o", str(program))
+    result = done("cc", str(EXAMPLES / "07_subscriber.c"), *libraries.stdout.split(), *flags)
+    assert result.returncode == 0, result.stderr
+    return program
 
 
 def test_every_example_is_run_by_a_test() -> None:
@@ -52,9 +75,9 @@ def test_standard_move_in_the_shell(cell: Cell) -> None:
     assert distance(cell.true_pose("amr1"), 3.5, 1.5) < 0.06
 
 
-@pytest.mark.skipif(not runs_typescript(), reason="no Node of 22.18 or newer, which runs TypeScript as it is")
-def test_standard_move_in_typescript(cell: Cell) -> None:
-    assert "succeeded" in run("03_standard_move.ts", cell.http, "3.5", "1.5")
+def test_standard_move_in_typescript(cell: Cell, tmp_path: Path) -> None:
+    script = runnable_typescript(tmp_path)
+    assert "succeeded" in run("03_standard_move.ts", cell.http, "3.5", "1.5", built=script)
     assert distance(cell.true_pose("amr1"), 3.5, 1.5) < 0.06
 
 
@@ -80,7 +103,16 @@ def test_arm_pick(cell: Cell) -> None:
 
 
 def test_subscriber(cell: Cell) -> None:
-    poses = re.findall(r"x (\S+) m  y (\S+) m", run("07_subscriber.py", cell.bus))
+    are_poses_of_the_start(run("07_subscriber.py", cell.bus))
+
+
+def test_subscriber_in_c(cell: Cell, tmp_path: Path) -> None:
+    program = compiled_c(tmp_path)
+    are_poses_of_the_start(run("07_subscriber.c", cell.bus, built=program))
+
+
+def are_poses_of_the_start(printed: str) -> None:
+    poses = re.findall(r"x (\S+) m  y (\S+) m", printed)
     assert len(poses) == 5
     assert all((float(x), float(y)) == pytest.approx((2.5, 1.5), abs=0.05) for x, y in poses)
 

@@ -13,10 +13,12 @@ from playwright.sync_api import Page, expect
 
 from rackhand.testing import Cell
 from tests.gateway.browser import browser, wait_until
+from tests.viewer import reading
 
 PATIENCE = 60_000  # ms; bounds on hanging, nothing is measured by them
 NEAR = (5.2, 3.0)  # in the aisle below the shelves, not far from where the robot starts
 FAR = (15.0, 10.3)  # in the other half of the hall
+INSIDE = (7.6, 3.6)  # in a shelf
 
 # Every state the page shows of a move, in order: what shows for a moment only would be missed by looking now and then.
 RECORD = """
@@ -64,8 +66,8 @@ class Watched:
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
-    """In real time nearly, so that a move can be watched, and cancelled while it runs."""
-    with Cell(tmp_path_factory.mktemp("cell"), lockstep=False, speed=2) as cell:
+    """In real time nearly, so that a move can be watched, and cancelled while it runs. The viewer makes recordings."""
+    with Cell(tmp_path_factory.mktemp("cell"), lockstep=False, speed=2, viewer=True) as cell:
         yield cell
 
 
@@ -116,7 +118,7 @@ def test_it_shows_the_robot_and_loads_nothing_from_elsewhere(cell: Cell, watched
     expect(page.locator("#battery")).to_contain_text("%")
     expect(page.locator("#health")).to_have_text("up")
     expect(page.locator("#modes .chosen")).to_have_text("auto")
-    expect(page.locator("#services li")).to_have_count(8)  # five processes; drivers of two robots, a lift
+    expect(page.locator("#services li")).to_have_count(9)  # six processes; drivers of two robots, a lift
     wait_until(page, f"({WALLS_ARE_DRAWN})()")
     assert watched.errors == []
     assert watched.hosts == {urlsplit(cell.http).netloc}
@@ -206,3 +208,23 @@ def test_what_is_refused_is_reported(cell: Cell, watched: Watched) -> None:
     expect(page.locator("#toast")).to_contain_text("must be provided")
     page.locator("#toast-close").click()
     expect(page.locator("#toast")).to_be_hidden()
+
+
+def test_a_failed_move_is_explained_and_saved_as_a_recording_by_the_keyboard(cell: Cell, watched: Watched) -> None:
+    page = watched.page
+    expect(page.locator("#move-record")).to_be_hidden()
+    click_on_map(page, INSIDE)
+    expect(page.locator("#move-state")).to_have_text("failed")
+    expect(page.locator("#move-why")).to_contain_text("the goal footprint overlaps")
+    save = page.locator("#move-record")
+    with page.expect_download() as begun:
+        save.press("Enter")
+    file = begun.value
+    assert file.suggested_filename == f"move_{newest_move(cell)['id']}.rrd"
+    found = reading.entities(file.path())
+    assert {"amr1/cause", "amr1/costmap", "amr1/speed/forward", "tf"} <= found, found
+    expect(page.locator("#toast")).to_be_hidden()
+    page.route("**/download.rrd", lambda route: route.fulfill(status=503, json={"detail": "no viewer runs"}))
+    save.press("Enter")
+    expect(page.locator("#toast")).to_have_text("Refused (503): no viewer runs×")
+    expect(save).to_be_enabled()

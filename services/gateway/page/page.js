@@ -7,7 +7,7 @@ import { at, complain, showState, showCursor, showHealth, showLink, showMoves, s
 import { RackJobs } from "./racks.js";
 import { Route } from "./route.js";
 import { View } from "./view.js";
-import { TOPICS, Wire, ask, order } from "./wire.js";
+import { TOPICS, Wire, ask, order, save } from "./wire.js";
 
 const HEALTH_PERIOD = 2000; // ms
 const RETRY = 2000; // ms
@@ -162,6 +162,12 @@ at("zoom-fit").addEventListener("click", () => { view.touched = false; changed()
 at("cancel").addEventListener("click", () => command("PATCH", "/chassis/moves/current", { state: "cancelled" }));
 at("pause").addEventListener("click", () => {
   command("PATCH", "/chassis/moves/current", { state: known.planning?.paused ? "moving" : "paused" });
+});
+at("move-record").addEventListener("click", async () => {
+  const { id } = known.explained;
+  at("move-record").disabled = true; // it takes a second or two to be made
+  complain(await save(`/chassis/moves/${id}/explain/download.rrd`, `move_${id}.rrd`));
+  at("move-record").disabled = false;
 });
 at("charge-move").addEventListener("click", () => {
   command("POST", "/chassis/moves", { creator: "gateway page", type: "charge", charge_retry_count: 3 });

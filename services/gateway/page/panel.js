@@ -64,6 +64,7 @@ function showExplanation(explained) {
   show("move-advice", told && explained.advice ? `To do: ${explained.advice}.` : "");
   hide("move-why", !told);
   hide("move-advice", !(told && explained.advice));
+  hide("move-record", !told);
 }
 
 // Why a move does not go on, or an empty text.
@@ -107,7 +108,7 @@ export function showHealth(health) {
   badge("health", health?.status ?? "unknown", health?.status === "up" ? "good" : "bad");
   if (!health) return;
   fill("services", health.services.map(({ robot, service, status, restarts }) =>
-    row([light(status), text(`${robot}/${service}`), small(status + (restarts ? ` · restarted ${restarts}×` : ""))])));
+    row([light(status), text(`${robot}/${service}`), small(status + (restarts ? ` · came back ${restarts}×` : ""))])));
 }
 
 export function showMoves(moves) {

@@ -1,4 +1,4 @@
-// Messages from and requests to the gateway. Nothing here touches the document.
+// Messages from and requests to the gateway. Nothing here changes the document.
 
 export const TOPICS = {
   "/map": "map", "/map/info": "info", "/tracked_pose": "pose", "/path": "path", "/planning_state": "planning",
@@ -8,6 +8,8 @@ export const TOPICS = {
   "/lift_states": "lifts",
 };
 const RECONNECT = 1000; // ms
+const KEPT = 60_000; // ms that a file is kept for the browser to save it
+const NO_ANSWER = "The gateway does not answer.";
 const secret = new URLSearchParams(location.search).get("secret");
 
 // The URL of a WebSocket of the gateway.
@@ -56,10 +58,30 @@ export async function ask(method, path, body) {
 export async function order(method, path, body) {
   try {
     const { ok, status, answer } = await ask(method, path, body);
-    if (ok) return "";
-    const why = Array.isArray(answer) ? answer.join("; ") : answer?.detail;
-    return `Refused (${status}): ${why ?? "no reason was given"}`;
+    return ok ? "" : refusal(status, answer);
   } catch {
-    return "The gateway does not answer.";
+    return NO_ANSWER;
   }
+}
+
+// Saves a file of the gateway, as a link would, but with the secret, and with the reason where there is no file.
+// Resolves as `order` does.
+export async function save(path, name) {
+  try {
+    const response = await fetch(path, { headers: secret ? { Secret: secret } : {} });
+    if (!response.ok) return refusal(response.status, await response.json().catch(() => null));
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(await response.blob());
+    link.download = name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), KEPT);
+    return "";
+  } catch {
+    return NO_ANSWER;
+  }
+}
+
+function refusal(status, answer) {
+  const why = Array.isArray(answer) ? answer.join("; ") : answer?.detail;
+  return `Refused (${status}): ${why ?? "no reason was given"}`;
 }

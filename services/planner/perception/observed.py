@@ -22,6 +22,8 @@ from rackhand.services.planner.settings import NavigationSettings
 Array = NDArray[np.float64]
 
 HIT, MISS, FULL, OCCUPIED = 3, 2, 6, 3  # one hit occupies; two rays through it clear the firmest cell
+SLACK, SLACK_PER_METRE, MOST_SLACK = 0.015, 0.005, 0.025  # m beside a firm cell in which a hit is one of it, by range
+BESIDE, RANGE_NOISE, MOST_BESIDE = 0.015, 0.04, 6  # m between hits of one place, m of their ranges, and beams to a side
 FRESH, LATELY = 8, 60  # scans since the first hit of a cell, and since it was seen free before that
 SCAN_PERIOD = 0.08  # s; ages are counted in scans
 TILE = 32  # cells to each side
@@ -130,10 +132,10 @@ class ObservedObstacles:
             scan.ranges.astype(np.float64), compose(chassis, as_pose(scan.sensor)), float(scan.angle_min),
             float(scan.angle_step), float(min(scan.range_max, self._settings.obstacle_range)), self._scans,
         )  # fmt: skip
-        points = hit_points(beams, chassis, body_edges)
+        points, means = hit_points(beams, chassis, body_edges)
         expiry = self._scans + int(self._settings.forget_after / SCAN_PERIOD)
         steady = beside_steady(self._evidence, points, self._scans)
-        unmapped, fresh = mark_hits(self._evidence, points, self._scans, expiry)
+        unmapped, fresh = mark_hits(self._evidence, means, beams.sensor, self._scans, expiry)
         clear_rays(self._evidence, beams)
         self._hits = Hits(points, unmapped, fresh, steady)
         rows, columns = self._cells_of(points[unmapped])
@@ -198,20 +200,49 @@ class ObservedObstacles:
 
 
 @compiled
-def hit_points(beams: Beams, chassis: Pose, body_edges: Array) -> Array:
-    """Hits within range in the map frame, (n, 2), without those inside the body at pose ``chassis``."""
+def hit_points(beams: Beams, chassis: Pose, body_edges: Array) -> tuple[Array, Array]:
+    """Hits within range in the map frame, (n, 2), without those inside the body at pose ``chassis``; and for each the
+    mean of the hits of its place, (n, 2)."""
     points = np.empty((beams.ranges.size, 2), dtype=np.float64)
+    means = np.empty_like(points)
     n = 0
     for k in range(beams.ranges.size):
         reach = beams.ranges[k]
         if not (reach > 0.0 and reach <= beams.max_range):
             continue
-        angle = beams.sensor[2] + beams.angle_min + k * beams.angle_step
-        x, y = beams.sensor[0] + reach * math.cos(angle), beams.sensor[1] + reach * math.sin(angle)
+        x, y = _end(beams, k)
         if distance_to_body(body_edges, chassis, x, y) > 0.0:
             points[n, 0], points[n, 1] = x, y
+            means[n, 0], means[n, 1] = _mean_beside(beams, k)
             n += 1
-    return points[:n].copy()
+    return points[:n].copy(), means[:n].copy()
+
+
+@compiled
+def _end(beams: Beams, k: int) -> tuple[float, float]:
+    angle = beams.sensor[2] + beams.angle_min + k * beams.angle_step
+    return beams.sensor[0] + beams.ranges[k] * math.cos(angle), beams.sensor[1] + beams.ranges[k] * math.sin(angle)
+
+
+@compiled
+def _mean_beside(beams: Beams, k: int) -> tuple[float, float]:
+    """The mean of a hit and those of the beams next to it that are of the same place.
+
+    Near the lidar a cell takes so many hits that the noise of the range puts one of them into the next cell in most
+    scans. Where beams are farther apart than ``BESIDE`` a hit remains as it is.
+    """
+    reach = beams.ranges[k]
+    x, y = _end(beams, k)
+    n = 1
+    most = min(math.floor(BESIDE / (reach * abs(beams.angle_step))), MOST_BESIDE)
+    for side in (-1, 1):
+        for m in range(1, most + 1):
+            other = k + side * m
+            if not (0 <= other < beams.ranges.size and abs(beams.ranges[other] - reach) <= RANGE_NOISE):
+                break
+            there = _end(beams, other)
+            x, y, n = x + there[0], y + there[1], n + 1
+    return x / n, y / n
 
 
 @compiled
@@ -232,9 +263,9 @@ def beside_steady(evidence: Evidence, points: Array, serial: int) -> Flags:
 
 
 @compiled
-def mark_hits(evidence: Evidence, points: Array, serial: int, expiry: int) -> tuple[Flags, Flags]:
-    """Adds the hits (n, 2) of scan ``serial`` to the evidence, which is forgotten at scan ``expiry``; a cell counts
-    once a scan. Returns ``unmapped`` and ``fresh`` of ``Hits``."""
+def mark_hits(evidence: Evidence, points: Array, sensor: Pose, serial: int, expiry: int) -> tuple[Flags, Flags]:
+    """Adds the hits (n, 2) of scan ``serial``, seen from ``sensor``, to the evidence, which is forgotten at scan
+    ``expiry``; a cell counts once a scan. Returns ``unmapped`` and ``fresh`` of ``Hits``."""
     g = evidence.geometry
     unmapped = np.zeros(len(points), dtype=np.bool_)
     fresh = np.zeros(len(points), dtype=np.bool_)
@@ -245,6 +276,7 @@ def mark_hits(evidence: Evidence, points: Array, serial: int, expiry: int) -> tu
             continue
         if not evidence.mapped[i, j]:
             unmapped[k] = True
+            i, j = _owner(evidence, points[k], sensor, i, j, serial)
             evidence.expires[i, j] = expiry
             if evidence.level[i, j] == 0:
                 evidence.first_hit[i, j] = serial
@@ -257,6 +289,48 @@ def mark_hits(evidence: Evidence, points: Array, serial: int, expiry: int) -> tu
 
 
 @compiled
+def _owner(evidence: Evidence, point: Array, sensor: Pose, i: int, j: int, serial: int) -> tuple[int, int]:
+    """The cell for which a hit in cell ``i``, ``j`` counts: that one, or a firm one beside it that is nearer to the hit
+    than the noise of range and pose.
+
+    Else a surface near the edge of a cell occupies the next one, too, in each scan whose noise is on that side, and a
+    gap between two such surfaces is narrower by two cells than it is. Near the chassis the slack is what the braking
+    guard keeps from the edge of a cell, and everywhere it is less than the clearance of a plan.
+    """
+    if evidence.level[i, j] == FULL:
+        return i, j
+    g = evidence.geometry
+    away = math.hypot(point[0] - sensor[0], point[1] - sensor[1])
+    nearest = min(SLACK + SLACK_PER_METRE * max(away - 1.0, 0.0), MOST_SLACK)
+    x, y = point[0] - g.x - (j + 0.5) * g.resolution, point[1] - g.y - (i + 0.5) * g.resolution
+    owner = (i, j)
+    for a in range(max(i - 1, 0), min(i + 2, g.rows)):
+        for b in range(max(j - 1, 0), min(j + 2, g.columns)):
+            if evidence.level[a, b] < FULL or evidence.expires[a, b] <= serial:
+                continue
+            beside = max(abs(x - (b - j) * g.resolution) - 0.5 * g.resolution, 0.0)
+            before = max(abs(y - (a - i) * g.resolution) - 0.5 * g.resolution, 0.0)
+            if math.hypot(beside, before) < nearest:
+                nearest, owner = math.hypot(beside, before), (a, b)
+    return owner
+
+
+@compiled
+def _blur(beams: Beams, k: int, resolution: float) -> float:
+    """Metres before a hit that a ray leaves as they are: a cell, for those of the surface that no beam hits this time.
+
+    Where hits are dense each cell of the surface is hit, and only what may be noise is left, so that a cell before the
+    surface does not stay occupied.
+    """
+    reach = beams.ranges[k]
+    if reach * abs(beams.angle_step) > BESIDE or k == 0 or k == beams.ranges.size - 1:
+        return resolution
+    before, after = beams.ranges[k - 1], beams.ranges[k + 1]
+    is_dense = abs(before - reach) <= RANGE_NOISE and abs(after - reach) <= RANGE_NOISE
+    return SLACK if is_dense else resolution
+
+
+@compiled
 def clear_rays(evidence: Evidence, beams: Beams) -> None:
     """Removes evidence along the rays of a scan, from cells that it did not hit."""
     g, serial = evidence.geometry, beams.serial
@@ -264,7 +338,7 @@ def clear_rays(evidence: Evidence, beams: Beams) -> None:
         reach = beams.ranges[k]
         if not reach > 0.0:  # NaN is no measurement
             continue
-        length = beams.max_range if math.isinf(reach) else min(reach - g.resolution, beams.max_range)
+        length = beams.max_range if math.isinf(reach) else min(reach - _blur(beams, k, g.resolution), beams.max_range)
         angle = beams.sensor[2] + beams.angle_min + k * beams.angle_step
         dx, dy = math.cos(angle), math.sin(angle)
         travelled = 0.0

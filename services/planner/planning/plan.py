@@ -15,7 +15,7 @@ from rackhand.runtime.compiled import compiled
 from rackhand.services.planner.geometry.cells import Geometry
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.geometry.se2 import Pose, wrap
-from rackhand.services.planner.planning import lattice, shaping
+from rackhand.services.planner.planning import lattice, shaping, straightening
 from rackhand.services.planner.planning.bottleneck import Bottleneck
 from rackhand.services.planner.planning.corridor import Corridor
 from rackhand.services.planner.planning.cost_to_go import cost_to_go
@@ -253,7 +253,9 @@ class GlobalPlanner:
         start, last = ends.start, rows[-1, :3]
         first = Segment(_line(start[:2], rows[0, :2], start[2]), bool(rows[0, 3] < 0))
         rest = straight(last, ends.goal, direction < 0)
-        return Plan(_joined([first, *_segments(rows), rest]), cost, tight=True)
+        found = _joined([first, *_segments(rows), rest])
+        yield
+        return Plan(_straightened(problem, found), cost, tight=True)
 
 
 @compiled
@@ -314,6 +316,19 @@ def _join(joined: list[Segment], segment: Segment) -> None:
         joined[-1] = Segment(np.vstack([last.points, segment.points[1:]]), segment.backward)
     else:
         joined.append(segment)
+
+
+def _straightened(problem: lattice.Problem, segments: tuple[Segment, ...]) -> tuple[Segment, ...]:
+    """The segments with fewer bends, those of one direction in a row together."""
+    runs = [list(run) for _, run in itertools.groupby(segments, key=lambda segment: segment.backward)]
+    found: list[Segment] = []
+    for k, run in enumerate(runs):
+        is_last, ends = k == len(runs) - 1, problem.ends
+        turn_to = (None if ends.any_yaw else float(ends.goal[2])) if is_last else float(runs[k + 1][0].points[0, 2])
+        rows, backward = np.vstack([segment.points for segment in run]), run[0].backward
+        parts = straightening.straightened(problem, rows, backward, turn_to, is_last)
+        found += [Segment(part, backward) for part in parts] or run
+    return tuple(found)
 
 
 def _continues(last: Segment, following: Segment) -> bool:

@@ -59,7 +59,7 @@ def line_cost(grid: DistanceGrid, inflation: Inflation, a: Array, b: Array) -> f
 def pull_tight(grid: DistanceGrid, inflation: Inflation, points: Array) -> Array:
     """Corners (m, 2) of a shorter polyline: straight lines that cost no more than the part of the chain they
     replace."""
-    cost = _cost_along(grid, inflation, points)
+    cost = cost_along(grid, inflation, points)
     n = len(points)
     corners = np.empty((n, 2))
     corners[0] = points[0]
@@ -73,7 +73,7 @@ def pull_tight(grid: DistanceGrid, inflation: Inflation, points: Array) -> Array
 
 
 @compiled
-def _cost_along(grid: DistanceGrid, inflation: Inflation, points: Array) -> Array:
+def cost_along(grid: DistanceGrid, inflation: Inflation, points: Array) -> Array:
     """For each point the cost from the first one: metres, weighted by the inflation at the end of each step."""
     cost = np.zeros(len(points))
     for k in range(1, len(points)):

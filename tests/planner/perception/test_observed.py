@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -74,6 +75,70 @@ def test_a_beam_without_a_return_is_free_and_one_without_a_measurement_says_noth
         found.integrate(scan((0, math.nan), (3, math.inf)), HERE, EDGES)
     assert found.occupied().sum() == 1 and cell(found, 4.03, 2.0)
     assert found.is_seen_free(np.array([4.0 + 1.03 * math.cos(math.pi / 6), 2.0 + 1.03 * math.sin(math.pi / 6)]))
+
+
+def test_a_hit_within_noise_of_a_firm_cell_is_one_of_it() -> None:
+    found = observed()
+    for _ in range(2):
+        found.integrate(scan((0, 2.01)), HERE, EDGES)
+    for reach in (1.985, 2.055, 1.985):  # 15 mm before it, 5 mm behind it
+        found.integrate(scan((0, reach)), HERE, EDGES)
+        assert found.unmapped.tolist() == [True]
+        assert cell(found, 4.01, 2.0) and found.occupied().sum() == 1
+    found.integrate(scan((0, 1.96)), HERE, EDGES)
+    assert cell(found, 3.96, 2.0), "40 mm before it is another thing, seen at the first hit"
+
+
+def test_a_cell_hit_once_owns_no_hit_beside_it() -> None:
+    found = observed()
+    found.integrate(scan((0, 2.01)), HERE, EDGES)
+    found.integrate(scan((0, 1.99)), HERE, EDGES)
+    assert cell(found, 3.99, 2.0)
+
+
+def wall_beside(y: float, noise: float, rng: np.random.Generator) -> Scan:
+    """Half a degree between beams; they end at a wall along x, ``y`` metres beside the sensor, from 0.3 m behind it
+    to 0.3 m ahead."""
+    angles = np.arange(720) * math.pi / 360
+    with np.errstate(divide="ignore"):
+        ranges = y / np.sin(angles)
+    ranges[(ranges <= 0.0) | (np.abs(ranges * np.cos(angles)) > 0.3)] = math.inf
+    ranges += noise * rng.standard_normal(720)
+    return Scan(
+        stamp=0, sensor=Pose2(x=0.0, y=0.0, yaw=0.0), angle_min=0.0, angle_step=math.pi / 360, range_max=5.0,
+        ranges=ranges.astype("<f4"),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("off", [-0.006, 0.0, 0.006])
+def test_the_cells_of_a_wall_at_the_edge_of_cells_do_not_flicker(off: float, seed: int) -> None:
+    rng, found, seen = np.random.default_rng(seed), observed(), []
+    for _ in range(50):
+        found.integrate(wall_beside(0.3, 0.01, rng), HERE + np.array([0.0, off, 0.0]), EDGES)
+        seen.append(found.occupied().copy())
+    assert sum((a != b).any() for a, b in pairwise(seen[10:])) <= 8, "16 to 34 of 39 without slack and means"
+    rows, columns = np.nonzero(seen[-1])
+    assert set(columns) == set(range(34, 46)) and set(rows) <= {45, 46}
+    if off > 0.0:
+        assert set(rows) == {46}, "what the noise of the first scans put before the wall is gone"
+
+
+def test_a_wall_that_comes_nearer_is_seen_at_once() -> None:
+    rng, found = np.random.default_rng(0), observed()
+    for _ in range(20):
+        found.integrate(wall_beside(0.32, 0.01, rng), HERE, EDGES)
+    assert not cell(found, 2.0, 2.27)
+    found.integrate(wall_beside(0.27, 0.01, rng), HERE, EDGES)
+    assert cell(found, 2.0, 2.27)
+
+
+def test_one_beam_on_something_thin_is_an_obstacle_where_it_ends() -> None:
+    rng, found = np.random.default_rng(0), observed()
+    ranges = wall_beside(0.5, 0.0, rng).ranges.copy()
+    ranges[180] = 0.38  # straight to the side, 12 cm before the wall
+    found.integrate(wall_beside(0.5, 0.0, rng).model_copy(update={"ranges": ranges}), HERE, EDGES)
+    assert cell(found, 2.0, 2.38)
 
 
 def test_hits_on_the_map_and_on_the_body_are_none() -> None:
