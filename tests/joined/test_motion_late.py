@@ -112,3 +112,23 @@ def on_the_map(simulation: Simulation, arm: ik.Arm, q: Array) -> tuple[float, fl
     x, y, yaw = simulation.world.arms["arm1"].pose
     tool, c, s = ik.forward(arm, q)[:, 3], math.cos(yaw), math.sin(yaw)
     return x + c * tool[0] - s * tool[1], y + s * tool[0] + c * tool[1]
+
+
+@pytest.mark.parametrize(("torque", "seconds"), [(5.0, 0.28), (2.0, 0.4)])
+@pytest.mark.parametrize("kind", ["ur5e", "fr3"])
+def test_a_torque_ends_within_the_limits_though_it_acts_on_while_the_stop_is_on_its_way(
+    kind: str, torque: float, seconds: float
+) -> None:
+    station = LateArm(kind, ARRIVES[0], lost=0.0)
+    arm = station.arm
+    station.advance(0.2)
+    torque *= arm.limits.torque[-1] / 28.0
+    for _ in range(round(seconds / 0.04)):
+        station.ask(command="setTorque", type="joints", data=[0.0] * (arm.n - 1) + [torque])
+        station.advance(0.04)
+    station.advance(1.0)
+    speeds = np.array([state.dq[-1] for state in station.states])
+    slower = -np.diff(np.abs(speeds)) / (PERIOD_NS * 1e-9)
+    assert speeds.max() > 0.8 and abs(speeds[-1]) < 1e-3
+    assert slower.max() < 1.7 * arm.limits.acceleration[-1]
+    assert station.contacts == [], "what the torque adds to the speed is no contact"

@@ -9,7 +9,7 @@ from rackhand.services.controller.motion.contact import ContactWatch, describe
 from rackhand.services.controller.motion.executor import MotionExecutor
 
 OVER_NS = 300_000_000  # without a contact, until the next one is news
-CATCHING_UP_NS = 300_000_000  # after missed ticks the driver catches up, and is off its command meanwhile
+CATCHING_UP_NS = 300_000_000  # after missed ticks, and after a torque, the driver catches up with its command
 RELEASE_NS = 200_000_000  # for which a stream of velocities must pause before it moves the arm again
 
 
@@ -33,7 +33,7 @@ class ContactReaction:
         """The contact as of ``state``, to be called before the tick that answers it. Stops the motion, unless a torque
         moves the arm or the stop condition is switched off. ``late``: ticks were missed."""
         motion = self._motion
-        if late:
+        if late or motion.hands_over:
             self._caught_up = state.stamp + CATCHING_UP_NS
         rotation = motion.kinematics.forward(motion.q).rotation
         contact = self.watch.see(state, motion.q, rotation, catching_up=state.stamp < self._caught_up)

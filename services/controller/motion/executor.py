@@ -43,6 +43,7 @@ SLOW, SOON, LONGEST_ARRIVAL = 0.02, 0.02, 0.5
 # rad: farther from where it is held, after a stop, the arm is held where it is instead.
 SETTLED_STOP, SETTLED_CONTACT = 0.01, 0.001
 SETTLED_TIME = 0.2  # s for which it must be still there: what was pressed springs back only after it is let go
+LONGEST_WAY_NS = 60_000_000  # for which a command may be on its way to the driver
 _STOP = "stop"
 
 
@@ -69,6 +70,8 @@ class MotionExecutor:
         self._settles: float | None = None  # after a stop, until the arm is at rest: how exactly it is held
         self._still = 0.0  # seconds for which it has been at rest there
         self._measured_v = np.zeros(arm.n)  # of the tick before, while a torque acts
+        # After a torque, until the driver follows a position: the stamp that the first answers, and how the arm brakes.
+        self._hands_over: tuple[int, Literal["soft", "hard"]] | None = None
         self.q, self.v, self.a = arm.home.copy(), np.zeros(arm.n), np.zeros(arm.n)
 
     # -- state --------------------------------------------------------------------------------------------------------
@@ -88,8 +91,8 @@ class MotionExecutor:
     @property
     def plannable(self) -> bool:
         """Whether waypoints can be planned from the end of the queue. Not while the solver chooses the posture on the
-        path, nor before a reference has ended."""
-        return self._active is None and not (self._by_solver and self.queue.motions)
+        path, nor before a reference has ended, for the driver too."""
+        return self._active is self._hands_over is None and not (self._by_solver and self.queue.motions)
 
     @property
     def gives_way(self) -> bool:
@@ -107,6 +110,11 @@ class MotionExecutor:
         return self._active is not None and self._active.signal == "torque"
 
     @property
+    def hands_over(self) -> bool:
+        """Whether the driver has not taken the first position after a torque yet."""
+        return self._hands_over is not None
+
+    @property
     def low_manipulability(self) -> bool:
         return self.kinematics.manipulability(self.q) < self.solver.ik.settings.low_manipulability
 
@@ -114,7 +122,7 @@ class MotionExecutor:
 
     def begin_at(self, state: ArmState, t: float) -> None:
         """At the first arm state: the arm is held where it is, or stopped if it moves."""
-        self.time, self._next = t, None
+        self.time, self._next, self._hands_over = t, None, None
         self._set_measured(state)
         self._brake(hard=False)
 
@@ -179,6 +187,8 @@ class MotionExecutor:
     def hard_stop(self) -> None:
         """Every joint as fast as the arm can."""
         self._next, self._settles = None, self._settles or SETTLED_STOP
+        if self._hands_over is not None:
+            self._hands_over = (self._hands_over[0], "hard")
         if self._active is not None:
             self._end_active(hard=True)
         elif self.queue.running(self.time):
@@ -218,6 +228,8 @@ class MotionExecutor:
         if t > self.time + 0.5 * self.period:
             # Ticks were missed: the last command has been reached and held.
             self.time = t
+        if self._hands_over is not None:
+            self._hand_over(state, *self._hands_over)
         if self._next is not None and self._active is None and not self.queue.running(self.time):
             self._begin_reference(self._next)
         codes: set[CrfCode] = set()
@@ -302,7 +314,18 @@ class MotionExecutor:
         if ended is None:
             return joint_torques(self.arm, self.kinematics, active, self.q)
         self._brake(ended == "hard")
+        self._hands_over = (state.stamp, ended)
         return None
+
+    def _hand_over(self, state: ArmState, first: int, ends: Literal["soft", "hard"]) -> None:
+        """While the first position after a torque was on its way the torque still acted: the stop begins where the
+        driver began to follow it. A driver that does not report what it follows gets no second beginning."""
+        taken = state.follows is None or state.follows.answers >= first
+        if taken or state.stamp - first > LONGEST_WAY_NS:
+            self._hands_over = None
+        if state.follows is not None:
+            self._set_measured(state)
+            self._brake(ends == "hard")
 
     def _approaches(self, gained: Array) -> bool:
         """Whether a torque must end, or the arm could not stop before it touches itself or its station."""

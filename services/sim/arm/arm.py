@@ -30,7 +30,6 @@ from rackhand.services.sim.arm.servo import (
     stream_motion,
 )
 from rackhand.services.sim.arm.suction import Suction
-from rackhand.services.sim.arm.take_over import TakeOver
 from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
 from rackhand.services.sim.mjcf.arm_model import FORCE, TOOL, TORQUE
 from rackhand.worlds.arm_model import ArmDescription
@@ -81,7 +80,6 @@ class Arm:
         self._check_home(home)
         self._fence = FencingGuard()
         self._order: Order | None = None
-        self._take_over = TakeOver(self.limits.acceleration)
         self._taken: Order | None = None  # the order that the present segment follows
         self._mode: Mode = "hold"
         self.latency_ns = 0  # between a measurement and when the command that answers it takes effect
@@ -177,13 +175,10 @@ class Arm:
         gap, interval = self._timing(command, before)
         velocity, acceleration, slope = self._none, self._none, self._unknown
         if command.mode == "position":
+            values = np.clip(values, self.limits.lower, self.limits.upper)
             if before is not None and before.mode == "torque":
-                # Without a bump: on from where the arm is, with the velocity it has.
+                # On with the velocity it has.
                 velocity = slope = np.clip(self._now.velocity, -self.limits.velocity, self.limits.velocity)
-                self._take_over.begin(command.answers, values, self._now.position + velocity * interval, velocity)
-            values = np.clip(
-                values + self._take_over.added(command.answers, values), self.limits.lower, self.limits.upper
-            )
         if before is not None and before.mode == command.mode == "position":
             passed = (command.answers - before.answers) * 1e-9
             apart = gap if math.isnan(before.gap) else (gap + before.gap) / 2
