@@ -24,6 +24,7 @@ from rackhand.services.launch.demo import stage
 from rackhand.services.launch.demo.console import Output
 from rackhand.services.launch.demo.errors import StoryError
 from rackhand.services.launch.demo.play import on_stage
+from rackhand.services.launch.demo.stage import scene_of
 from rackhand.services.launch.demo.story import ITEMS, RACK, STORY
 from rackhand.testing import Cell, distance
 from rackhand.worlds.world_model import load_world
@@ -74,7 +75,7 @@ def played_with(seed: int, folder: Path) -> Played:
     output = Output(Console(file=printed, width=120))
     problems, errors, seconds = list[str](), list[float](), 0.0
     with Cell(folder, seed=seed) as cell:
-        with on_stage(cell, load_world(WORLD), output) as player:
+        with on_stage(cell, scene_of(load_world(WORLD)), output) as player:
             start = player.chassis.now()
             try:
                 player.play(STORY)

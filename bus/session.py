@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import signal
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
@@ -29,6 +30,7 @@ M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
+AGAIN = 0.1  # s between two calls of what is not served yet
 _REFUSAL = codec_for(Refusal)
 # One priority for all that must keep its order; commands overtake data.
 _PRIORITY = dict.fromkeys(Qos, zenoh.Priority.DATA) | {Qos.COMMAND: zenoh.Priority.DATA_HIGH}
@@ -137,6 +139,22 @@ class Bus:
         return newest
 
     # -- query -------------------------------------------------------------------------------------------------------
+
+    def call_when_served(
+        self, query: Query[Q, R], request: Q, robot: str = WORLD, timeout: float = 2.0, patience: float = 5.0
+    ) -> R:
+        """``call``, repeated for ``patience`` seconds of wall time while nothing serves the query.
+
+        For a program that has just connected: it learns within a moment what is served, on a busy machine in seconds.
+        """
+        deadline = time.monotonic() + patience
+        while True:
+            try:
+                return self.call(query, request, robot, timeout)
+            except Unavailable:
+                if time.monotonic() >= deadline:
+                    raise
+            time.sleep(AGAIN)
 
     def call(self, query: Query[Q, R], request: Q, robot: str = WORLD, timeout: float = 2.0) -> R:
         """Call and wait. Raises ``Refused``, ``CallTimeout``, or ``Unavailable`` (at once when nothing serves it)."""

@@ -23,6 +23,7 @@ from rerun.experimental import ViewerClient
 
 from rackhand.services.launch.demo.console import Output
 from rackhand.services.launch.demo.play import on_stage
+from rackhand.services.launch.demo.stage import scene_of
 from rackhand.services.launch.demo.story import STORY, Pick
 from rackhand.testing import Cell, Judge
 from rackhand.worlds.world_model import load_world
@@ -92,7 +93,11 @@ def take_demo(cell: Cell, picture: Path) -> None:
     """The demonstration at real time: the live view when the first jar stands on the table, and the page beside it
     (``demo_page.png``). The story is then played to its end."""
     output = Output()
-    with Judge(cell.bus) as judge, on_stage(cell, load_world("warehouse"), output) as player, browser() as chromium:
+    with (
+        Judge(cell.bus) as judge,
+        on_stage(cell, scene_of(load_world("warehouse")), output) as player,
+        browser() as chromium,
+    ):
         cell.wait_until_there("cell/viewer")
         first = next(i for i, step in enumerate(STORY, 1) if isinstance(step.action, Pick))
         player.play(STORY[:first])

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import http.client
 import json
-import time
-from types import TracebackType
 from typing import Any
-from urllib.parse import urlsplit
 
-from websockets.sync.client import ClientConnection, connect
+from rackhand.services.launch.api_connection import ApiConnection, NoAnswer, NotInTime
 
 Json = dict[str, Any]
-TIMEOUT = 60.0  # s of wall time for an answer; only ever bounds a failure
+PLANNING_STATE = "/planning_state"
 FRAME_PATIENCE = 10.0  # s of wall time for a frame that must come
 
 
@@ -20,25 +16,12 @@ class ApiError(Exception):
     """An answer is not what was expected; the text is for the user."""
 
 
-class Api:
-    """One connection to the gateway at ``url``, kept open; no proxy is used."""
+class Api(ApiConnection):
+    """One connection to the gateway at ``url``, kept open. Raises ``ApiError`` where no gateway answers."""
 
     def __init__(self, url: str) -> None:
-        parts = urlsplit(url)
-        self._http = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=TIMEOUT)
-        self._socket: ClientConnection = connect(f"ws://{parts.netloc}/ws/v2/topics", proxy=None, max_queue=None)
-        self._socket.send(json.dumps({"enable_topic": ["/planning_state"]}))
-        self.planning_state: Json = {}
-        """The newest frame that was read by ``drain``."""
-
-    def __enter__(self) -> Api:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._socket.close()
-        self._http.close()
+        super().__init__(url, [PLANNING_STATE])
+        self.drain()  # the frames of a move that is posted now are read
 
     def ask(self, method: str, path: str, body: Any = None, status: int | None = None) -> Any:
         """The answer's JSON, None for an empty one. Raises ``ApiError`` unless it is a success, or has ``status``."""
@@ -50,22 +33,11 @@ class Api:
         return json.loads(content) if content else None
 
     def send(self, method: str, path: str, body: Any = None) -> tuple[int, bytes]:
-        """Status and content of the answer; a connection that the gateway has closed meanwhile is opened anew."""
-        payload = None if body is None else json.dumps(body).encode()
-        headers = {} if payload is None else {"content-type": "application/json"}
-        for last in (False, True):
-            try:
-                self._http.request(method, path, payload, headers)
-                answer = self._http.getresponse()
-                return answer.status, answer.read()
-            except TimeoutError:
-                self._http.close()
-                raise ApiError(f"{method} {path}: no answer within {TIMEOUT:g} s") from None
-            except (http.client.RemoteDisconnected, ConnectionError) as error:
-                self._http.close()
-                if last:
-                    raise ApiError(f"{method} {path}: the gateway does not answer: {error}") from None
-        raise AssertionError("not reached")
+        """Status and content of the answer. Raises ``ApiError`` where there is none."""
+        try:
+            return super().send(method, path, body)
+        except NoAnswer as error:
+            raise ApiError(str(error)) from None
 
     # -- moves -------------------------------------------------------------------------------------------------------
 
@@ -77,28 +49,18 @@ class Api:
 
     # -- frames ------------------------------------------------------------------------------------------------------
 
-    def drain(self) -> Json:
-        """Read what has arrived; the newest frame of ``/planning_state``."""
-        while (frame := self._frame(0.0)) is not None:
-            self._take(frame)
-        return self.planning_state
+    def newest_state(self) -> Json:
+        """The newest frame of ``/planning_state`` that has come; empty before the first."""
+        self.drain()
+        return self.seen.get(PLANNING_STATE, {})
 
     def final_state(self, move_id: int, state: str) -> Json:
         """The frame in which that move has this state; the newest one if none comes in time."""
-        deadline = time.monotonic() + FRAME_PATIENCE
-        while (self.planning_state.get("action_id"), self.planning_state.get("move_state")) != (move_id, state):
-            frame = self._frame(max(deadline - time.monotonic(), 0.0))
-            if frame is None:
-                break
-            self._take(frame)
-        return self.planning_state
 
-    def _take(self, frame: Json) -> None:
-        if frame.get("topic") == "/planning_state":
-            self.planning_state = frame
+        def is_it(frame: Json) -> bool:
+            return (frame["action_id"], frame["move_state"]) == (move_id, state)
 
-    def _frame(self, seconds: float) -> Json | None:
         try:
-            return dict(json.loads(self._socket.recv(timeout=seconds)))
-        except TimeoutError:
-            return None
+            return self.wait(PLANNING_STATE, is_it, FRAME_PATIENCE)
+        except NotInTime as error:
+            return error.seen or {}

@@ -254,7 +254,7 @@ class Runner:
         if when.ended and self._api.move(self._move)["state"] not in TERMINAL:
             return False
         if when.planning_state:
-            frame = self._api.drain()
+            frame = self._api.newest_state()
             return all(frame.get(key) == value for key, value in when.planning_state.items())
         return True
 
@@ -263,7 +263,7 @@ class Runner:
     def _outcome(self) -> Outcome:
         move = self._finish(self._played.expect.within + GRACE)
         took = self._now - self._posted if move["state"] in TERMINAL else None
-        frame = self._api.drain() if took is None else self._api.final_state(self._move, move["state"])
+        frame = self._api.newest_state() if took is None else self._api.final_state(self._move, move["state"])
         asked = self._played.expect.explain is not None and took is not None
         explained = self._api.ask("GET", f"/chassis/moves/{self._move}/explain") if asked else {}
         return Outcome(move, frame, took, self._contacts, explained)

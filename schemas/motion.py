@@ -343,7 +343,7 @@ class Following(Message):
 class ArmState(Message):
     """What an arm's driver measures: rad, rad/s, N·m, one entry a joint; wrench at the flange in its frame; the gripper
     of an arm that has one; and the command it ``follows``, by which a controller knows whether it is obeyed (a driver
-    that leaves it out is trusted)."""
+    that leaves it out is trusted). ``efforts`` are means since the state before, where the driver can tell."""
 
     stamp: Stamp
     q: Numbers

@@ -60,7 +60,7 @@ class Judge(WorldControl):
             self._newest = None  # a paused world publishes its things again after these
         try:
             order = WorldRequest(request=request)  # type: ignore[arg-type]
-            return self._bus.call(topics.WORLD_CONTROL, order, timeout=timeout)
+            return self._bus.call_when_served(topics.WORLD_CONTROL, order, timeout=timeout)
         except Refused:
             self._newest = newest
             raise

@@ -31,6 +31,7 @@ from rackhand.services.controller.trajectory.model import PathRefused, TcpPose
 
 NO_DRIVER = "the arm driver is not connected"
 STANDSTILL = 0.05  # rad/s measured
+COASTS = 3  # missed periods for which a driver takes a stream of commands to go on as it went
 Finish = Callable[[GrantedCommand, Message, str], None]
 
 
@@ -179,10 +180,16 @@ class ArmControl:
     def begin_tick(self, state: ArmState, lockstep: bool) -> frozenset[CrfCode]:
         """Takes in the measured ``state``; ``RealTimeViolation`` where a tick was missed before it."""
         stamp, self._lockstep = state.stamp, lockstep
-        late = self._tick is not None and stamp - self._tick > 1.5 * self.period_ns
+        late = False
         if self._tick is None:
             self._origin = stamp
             self.motion.begin_at(state, 0.0)
+        else:
+            missed = stamp - self._tick - self.period_ns
+            late = missed > self.period_ns // 2
+            if missed > COASTS * self.period_ns:
+                # The driver has stopped the arm meanwhile: it goes on from where its motion was.
+                self._origin += missed
         self.now = max(self.now, stamp)
         self._tick = stamp
         self._observer.see(state)
@@ -232,7 +239,7 @@ class ArmControl:
             self.motion.soft_stop()
 
     def _time(self) -> float:
-        """Seconds from the first tick to the last."""
+        """Seconds from the first tick to the last, without those for which the driver has stopped the arm."""
         assert self._tick is not None
         return (self._tick - self._origin) * 1e-9
 

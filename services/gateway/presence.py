@@ -12,7 +12,8 @@ DEFAULT_GATEWAY = ServiceId("gateway", CELL)
 
 @dataclass
 class ServiceState:
-    """One service: whether it is up, since when (unix seconds), how often it came back."""
+    """One service: whether it is up, since when (unix seconds), how often it came back, restarted or reconnected: its
+    token does not tell which."""
 
     alive: bool
     since: float

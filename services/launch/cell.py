@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from rackhand.services.launch.health import Health, ask_health
+from rackhand.services.launch.health import ask_health, does_simulator_answer
 from rackhand.services.launch.ports import in_the_way, with_port
 from rackhand.services.launch.processes import (
     Address,
@@ -133,14 +133,14 @@ async def _announce(running: Supervisor, options: CellOptions, blind: str) -> No
     begun = time.monotonic()
     complain_at = begun + SLOW_START
     while True:
-        health = await asyncio.to_thread(ask_health, options.http.url)
-        if health is not None and health.all_up:
+        missing = await asyncio.to_thread(_missing, options)
+        if not missing:
             break
         waited = time.monotonic() - begun
-        running.show_status(f"starting, {waited:.0f} s: {_missing(health)}")
+        running.show_status(f"starting, {waited:.0f} s: {missing}")
         if time.monotonic() > complain_at:
             complain_at += SLOW_START
-            running.say(f"not ready after {waited:.0f} s: {_missing(health)}")
+            running.say(f"not ready after {waited:.0f} s: {missing}")
         await asyncio.sleep(0.2)
     running.show_status("")
     running.say(f"ready after {time.monotonic() - begun:.1f} s; Ctrl-C stops the cell")
@@ -148,10 +148,16 @@ async def _announce(running: Supervisor, options: CellOptions, blind: str) -> No
         running.say(f"  {what:<10} {where}")
 
 
-def _missing(health: Health | None) -> str:
+def _missing(options: CellOptions) -> str:
+    """What the cell still waits for; empty when it is ready for its clients."""
+    health = ask_health(options.http.url)
     if health is None:
         return "the gateway does not answer"
-    return "waiting for " + ", ".join(health.down)
+    if not health.all_up:
+        return "waiting for " + ", ".join(health.down)
+    if options.sim and not does_simulator_answer(options.http.url):
+        return "the simulator does not answer requests yet"
+    return ""
 
 
 def _places(options: CellOptions) -> tuple[tuple[str, str], ...]:

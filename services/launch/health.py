@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import http
 import http.client
 import json
 import urllib.error
@@ -44,6 +45,17 @@ def ask_health(url: str, timeout: float = 1.0) -> Health | None:
         return _read_error(error)
     except (OSError, http.client.HTTPException):
         return None
+
+
+def does_simulator_answer(url: str, timeout: float = 3.0) -> bool:
+    """Whether requests to the simulator are answered, as the gateway at ``url`` says."""
+    try:
+        with _opener.open(f"{url}/world/faults", timeout=timeout):
+            return True
+    except urllib.error.HTTPError as error:
+        return error.code != http.HTTPStatus.SERVICE_UNAVAILABLE  # without the gateway's secret it cannot be known
+    except (OSError, http.client.HTTPException):
+        return False
 
 
 def _read_error(error: urllib.error.HTTPError) -> Health | None:

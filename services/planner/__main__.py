@@ -15,7 +15,8 @@ from rackhand.runtime.memory import freeze_gc
 from rackhand.runtime.preparation import logged_progress
 from rackhand.runtime.priority import PLANNER, set_niceness
 from rackhand.schemas.service import ServiceId
-from rackhand.services.planner.chassis import Chassis, ChassisSettings
+from rackhand.services.planner.chassis import Chassis
+from rackhand.services.planner.chassis_settings import ChassisSettings
 from rackhand.services.planner.errors import StoreError
 from rackhand.services.planner.map.directory import MapDirectoryError, floor_directories, read_map_directory
 from rackhand.services.planner.modes import REMOTE_LIMITS, RemoteSettings

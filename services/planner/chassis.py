@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from rackhand.schemas.base import NANOSECONDS, Message
 from rackhand.schemas.chassis import (
@@ -30,7 +30,6 @@ from rackhand.schemas.moves import (
     MoveRequest,
     PauseMove,
 )
-from rackhand.schemas.racks import RackSpec
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
 from rackhand.schemas.world import Clock
 from rackhand.services.planner.alerts import active_alerts
@@ -38,6 +37,7 @@ from rackhand.services.planner.behaviors.base import Done as Succeeded
 from rackhand.services.planner.behaviors.base import Drive, Status
 from rackhand.services.planner.behaviors.running import RunningMove
 from rackhand.services.planner.chassis_requests import ChassisRequests
+from rackhand.services.planner.chassis_settings import ChassisSettings
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.explainer import Explainer
 from rackhand.services.planner.geometry.se2 import STANDSTILL
@@ -45,32 +45,17 @@ from rackhand.services.planner.jacking import JackOrders
 from rackhand.services.planner.load import LoadRecord, UnkeptLoad
 from rackhand.services.planner.map.service import Made, MapService
 from rackhand.services.planner.map.store import MapStore
-from rackhand.services.planner.modes import Modes, RemoteSettings
+from rackhand.services.planner.modes import Modes
 from rackhand.services.planner.motion import Motion
 from rackhand.services.planner.moves.book import EndState, MoveBook, MoveRecords
 from rackhand.services.planner.moves.explanations import ExplanationRecords, UnkeptExplanations
-from rackhand.services.planner.parameters import Basis, ParameterService, ParameterStore
+from rackhand.services.planner.parameters import ParameterService, ParameterStore
 from rackhand.services.planner.perception.chassis_state import ChassisState
 from rackhand.services.planner.rack_reports import RackReports
 from rackhand.services.planner.reports import Publication, Reports, chassis_status, planning_state
 from rackhand.services.planner.settings import Limits
 
 PERIOD_NS = 40_000_000  # between commands
-AT_REST = 0.05  # m/s and rad/s: measured below it, the chassis is at rest
-
-
-@dataclass(frozen=True)
-class ChassisSettings:
-    """What holds until a client sets it otherwise. ``refuse_moves_while_jacking``: refuse moves while the jack moves,
-    instead of holding them until it arrives."""
-
-    remote: RemoteSettings = field(default_factory=RemoteSettings)
-    refuse_moves_while_jacking: bool = False
-
-    def basis(self, rack_specs: tuple[RackSpec, ...]) -> Basis:
-        """What clients may change of these settings."""
-        fastest = self.remote.limits.max_forward_velocity
-        return Basis(Limits(), fastest, self.refuse_moves_while_jacking, rack_specs)
 
 
 class Chassis:
@@ -192,7 +177,7 @@ class Chassis:
         self._commanded = self._motion.command(wanted, self._state, limits)
         allowed = self.parameters.values.max_forward_velocity
         self._explainer.note(stamp, self._status, self._state.odometry.twist, self._commanded, allowed)
-        may_jack = self._commanded == STANDSTILL and self._measured_at_rest() and not self._modes.emergency_stop
+        may_jack = self._commanded == STANDSTILL and self._state.rests and not self._modes.emergency_stop
         jack = self._jack.command(self._state.jack, stamp, may_jack)
         self._report()
         if self._book.current is None:
@@ -242,7 +227,7 @@ class Chassis:
             raise MoveFailed(MoveFailReason.GET_MAP_FAILED, "no map is in use; select one first")
         if (stop := self._stop(move)) is not None:
             move.hold(stop)
-        elif (direction := self._jacking()) is not None:
+        elif (direction := self._jack.moving(self._state.jack)) is not None:
             move.hold_for_jack(direction)
         elif (trouble := self._trouble()) is not None:
             move.wait(trouble, self._stamp)
@@ -274,10 +259,6 @@ class Chassis:
     def _remote_limits(self) -> Limits:
         fastest = self.parameters.values.remote_max_forward_velocity
         return self._settings.remote.limits._replace(max_forward_velocity=fastest)
-
-    def _measured_at_rest(self) -> bool:
-        odometry = self._state.odometry
-        return odometry is not None and max(abs(odometry.twist.linear), abs(odometry.twist.angular)) < AT_REST
 
     def _note(self, status: Status) -> None:
         """Keep the move's status for reports."""
@@ -311,7 +292,7 @@ class Chassis:
     def _create(self, wanted: MoveCreate) -> None:
         if self._driver_fault:
             raise RequestRefused(RefusalCode.UNAVAILABLE, self._driver_fault)
-        direction = self._jacking()
+        direction = self._jack.moving(self._state.jack)
         if direction is not None and self.parameters.values.refuse_moves_while_jacking:
             raise RequestRefused(RefusalCode.PRECONDITION, f"the jack is moving {direction}; wait until it has arrived")
         move, replaced = self._book.create(wanted, self._now())
@@ -361,12 +342,6 @@ class Chassis:
                 self._end("cancelled", text=f"the control mode was set to {mode}; moves run in auto")
         self._report()
         return Done(detail=detail)
-
-    def _jacking(self) -> str | None:
-        if self._jack.active is not None:
-            return self._jack.active
-        state = "hold" if self._state.jack is None else self._state.jack.state
-        return state.removeprefix("jacking_") if state.startswith("jacking_") else None
 
     def _now(self) -> int:
         """Unix seconds by the messages' clock; without it nothing can be dated."""

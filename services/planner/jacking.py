@@ -44,6 +44,12 @@ class JackOrders:
     def active(self) -> Direction | None:
         return None if self._order is None else self._order.direction
 
+    def moving(self, jack: Jack | None) -> Direction | None:
+        """Which way the jack is ordered to move, or moves without an order, as when a driver began it."""
+        if self.active is not None or jack is None or not jack.state.startswith("jacking_"):
+            return self.active
+        return "up" if jack.state == "jacking_up" else "down"
+
     def request(self, direction: Direction, jack: Jack | None) -> str:
         """Take an order, in place of one still under way. Returns what will happen; ``RequestRefused`` if it cannot."""
         jack = _present(jack)

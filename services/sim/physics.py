@@ -110,11 +110,12 @@ def _step(calls: Addresses, addresses: Addresses, sizes: Addresses, timestep: fl
         limits = JointLimits(
             _floats(a[14], n), _floats(a[15], n), _floats(a[16], n), _floats(a[17], n), _floats(a[18], n)
         )
-        torque, motors = _floats(a[19], n), numba.carray(_pointer(a[20]), n, np.int64)
-        ctrl = _floats(a[21], controls)
+        torque, total, motors = _floats(a[19], n), _floats(a[20], n), numba.carray(_pointer(a[21]), n, np.int64)
+        ctrl = _floats(a[22], controls)
         hold_to(reference, joints, limits, timestep, torque)
         for j in range(n):
             ctrl[motors[j]] = torque[j]
+            total[j] += torque[j]
         ended = ended or reference.timing[0] > reference.timing[1] - timestep / 2
     _call(calls[1], calls[2], calls[3])
     return ended

@@ -193,6 +193,7 @@ class Session:
             self._silence(join.robot)  # how many commands came before it joined depends on the load of the machine
         if is_arm:
             simulation.arms[join.robot].latency_ns = latency_ns
+            simulation.arms[join.robot].efforts.period = join.period_ns // step_ns
         self.pacer.join(service, join.period_ns, simulation.stamp, latency_ns)
         self.changes.outputs = True  # it may have missed those of the present step
 

@@ -198,6 +198,14 @@ def test_a_reader_that_sleeps_holds_up_no_other_topic(router: str, bus: Bus) -> 
         assert asleep.dropped > 0
 
 
+def test_a_call_waits_for_a_service_that_is_only_starting(bus: Bus, start: Start) -> None:
+    nothing = MoveRequest(request=ListMoves())
+    with pytest.raises(Unavailable):
+        bus.call_when_served(topics.MOVES, nothing, "amr1", patience=0.2)
+    start("serve")
+    assert bus.call_when_served(topics.MOVES, nothing, "amr1", patience=60.0).moves == ()
+
+
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_a_death_is_reported_and_the_dead_are_unavailable_at_once(
     bus: Bus, peer: subprocess.Popen[bytes], how: signal.Signals

@@ -79,3 +79,20 @@ def test_the_next_motion_begins_with_a_clean_status() -> None:
     assert CrfCode.RealTimeViolation in cell.get_status()["controllerStatus"]
     cell.ok("a", command="appendPath", type="joints", data=[UR5E.home.tolist()])
     assert cell.get_status()["controllerStatus"] == [CrfCode.OK]
+
+
+@pytest.mark.parametrize(("missed", "goes_on"), [(3, False), (4, True), (200, True)])
+def test_a_path_goes_on_where_it_was_after_periods_in_which_the_driver_has_stopped_the_arm(
+    missed: int, goes_on: bool
+) -> None:
+    """A few periods the driver bridges: the path is then where it would have been."""
+    cell = PerfectArm()
+    cell.ok("a", command="appendPath", type="joints", data=[(UR5E.home + 1.5).tolist()])
+    cell.advance(0.6)
+    before, speed = cell.controller.motion.q.copy(), cell.controller.motion.v.copy()
+    cell.stamp += (missed + 1) * PERIOD_NS
+    cell.tick()
+    periods = (cell.controller.motion.q - before) / (speed * PERIOD_NS * 1e-9)
+    assert periods == pytest.approx(1.0 if goes_on else 1.0 + missed, rel=0.02)
+    cell.advance(2.5)
+    assert cell.q == pytest.approx(UR5E.home + 1.5)

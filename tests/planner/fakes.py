@@ -41,7 +41,8 @@ from rackhand.schemas.world import Clock
 from rackhand.services.planner.behaviors.base import Context, Drive, Status
 from rackhand.services.planner.behaviors.base import Done as Succeeded
 from rackhand.services.planner.behaviors.registry import BEHAVIORS
-from rackhand.services.planner.chassis import Chassis, ChassisSettings
+from rackhand.services.planner.chassis import Chassis
+from rackhand.services.planner.chassis_settings import ChassisSettings
 from rackhand.services.planner.database import Database
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.load import LoadStore

@@ -94,7 +94,7 @@ class Client:
         text = {16: "control_costmap_error - 局部避障地图数据异常", 0: "None - None"}
         return {"id": move_id, "fail_reason_str": text[ending["fail_reason"]]} | ending
 
-    def drain(self) -> Json:
+    def newest_state(self) -> Json:
         return {"move_intent": "none"}
 
     def final_state(self, move_id: int, state: str) -> Json:

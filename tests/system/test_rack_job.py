@@ -39,21 +39,21 @@ class Job:
     # -- what the API says -------------------------------------------------------------------------------------------
 
     def load(self, expected: str) -> None:
-        self.client.wait("/load_state", lambda load: load["state"] == expected, f"the load is {expected}")
+        self.client.see("/load_state", lambda load: load["state"] == expected, f"the load is {expected}")
         assert self.client.order("GET", "/chassis/jack")["load"] == expected
 
     def width(self, expected: float) -> None:
-        self.client.wait("/robot_model", lambda model: abs(model["width"] - expected) < 0.03, f"{expected} m wide")
+        self.client.see("/robot_model", lambda model: abs(model["width"] - expected) < 0.03, f"{expected} m wide")
 
     def progress(self) -> float:
         return float(self.client.order("GET", "/chassis/jack")["progress"])
 
     def near(self, place: tuple[float, float], within: float, what: str) -> None:
-        self.client.wait("/tracked_pose", lambda pose: math.dist(pose["pos"], place) < within, what)
+        self.client.see("/tracked_pose", lambda pose: math.dist(pose["pos"], place) < within, what)
 
     def driven(self, metres: float) -> None:
         start = self.place()
-        self.client.wait("/tracked_pose", lambda at: math.dist(at["pos"], start) > metres, f"it drives {metres} m")
+        self.client.see("/tracked_pose", lambda at: math.dist(at["pos"], start) > metres, f"it drives {metres} m")
 
     # -- what is done ------------------------------------------------------------------------------------------------
 
@@ -78,7 +78,7 @@ class Job:
         if move is not None:
             record = self.client.order("GET", f"/chassis/moves/{move}")
             assert (record["state"], record["fail_reason"]) == ("failed", MoveFailReason.PLATFORM_ALERT_ERROR), record
-            self.client.wait(
+            self.client.see(
                 "/planning_state",
                 lambda state: state["action_id"] == move and state["move_state"] == "failed",
                 "the move is told to have failed",
@@ -86,7 +86,7 @@ class Job:
 
     def kill_planner_in_the_stroke(self, load: str) -> None:
         """The jack stops with its commander, and nothing drives before it has arrived."""
-        self.client.wait("/jack_state", lambda jack: 0.1 < jack["progress"] < 0.9, "the jack is on its way")
+        self.client.see("/jack_state", lambda jack: 0.1 < jack["progress"] < 0.9, "the jack is on its way")
         self.kill_planner()
         self.load(load)
         assert 0.05 < self.progress() < 0.95
@@ -138,11 +138,11 @@ def test_a_job_goes_on_after_the_planner_was_killed_in_each_of_its_stages(job: J
     client.service("jack_up")
     at = job.place()
     move = job.start_carrying()
-    held = client.wait(
+    held = client.see(
         "/planning_state", lambda state: state["action_id"] == move and "message" in state, "the move is held"
     )
     assert held["move_state"] == "moving" and held["message"].startswith("the jack is moving up")
-    client.wait("/jack_state", lambda jack: jack["progress"] > 0.85, "the jack is nearly up")
+    client.see("/jack_state", lambda jack: jack["progress"] > 0.85, "the jack is nearly up")
     assert math.dist(job.place(), at) < 0.005, "it moved with a half-raised jack"
 
     job.driven(0.4)

@@ -35,11 +35,11 @@ class ContactBounds:
 
 
 class ContactWatch:
-    """Of one arm. ``see`` at every tick."""
+    """Of one arm. ``see`` at every tick, of which there is one each ``period`` [s]."""
 
-    def __init__(self, arm: ik.Arm, bounds: ContactBounds = ContactBounds()) -> None:
+    def __init__(self, arm: ik.Arm, period: float, bounds: ContactBounds = ContactBounds()) -> None:
         self.bounds = bounds
-        self._observer = DisturbanceObserver(arm)
+        self._observer = DisturbanceObserver(arm, period)
         self._torque_bound = bounds.torque * arm.limits.torque
         self.reset()
 
@@ -50,10 +50,12 @@ class ContactWatch:
         self._usual = np.zeros(3)
         self._seen = 0
 
-    def see(self, state: ArmState, commanded: Array, rotation: Array) -> Contact | None:
+    def see(self, state: ArmState, commanded: Array, rotation: Array, catching_up: bool = False) -> Contact | None:
         """What exceeds its bound most, as of ``state``, for whose stamp the joints ``commanded`` (n,) were sent.
-        ``rotation`` (3, 3): of the flange in the base."""
-        candidates = (self._following(state, commanded), self._torque(state), self._force(state, rotation))
+        ``rotation`` (3, 3): of the flange in the base. ``catching_up``: the arm is off its command in any case."""
+        candidates = [self._torque(state), self._force(state, rotation)]
+        if not catching_up:
+            candidates.append(self._following(state, commanded))
         worst = max(candidates, key=lambda contact: contact.value / contact.bound)
         self._seen = self._seen + 1 if worst.value > worst.bound else 0
         self._stamp = state.stamp

@@ -18,7 +18,7 @@ class ContactReaction:
 
     def __init__(self, arm: ik.Arm, motion: MotionExecutor) -> None:
         self._motion = motion
-        self.watch = ContactWatch(arm)
+        self.watch = ContactWatch(arm, motion.period)
         self.reset()
 
     def reset(self) -> None:
@@ -27,18 +27,16 @@ class ContactReaction:
         self.last: Contact | None = None
         self._news: Contact | None = None
         self._touched: int | None = None  # when there was a contact last
-        self._blocked_until = self._quiet_until = 0
+        self._blocked_until = self._caught_up = 0
 
     def see(self, state: ArmState, late: bool) -> Contact | None:
         """The contact as of ``state``, to be called before the tick that answers it. Stops the motion, unless a torque
-        moves the arm or the stop condition is switched off. ``late``: ticks were missed, and nothing can be said."""
+        moves the arm or the stop condition is switched off. ``late``: ticks were missed."""
         motion = self._motion
         if late:
-            self._quiet_until = state.stamp + CATCHING_UP_NS
-        if state.stamp < self._quiet_until:
-            self.watch.reset()
-            return None
-        contact = self.watch.see(state, motion.q, motion.kinematics.forward(motion.q).rotation)
+            self._caught_up = state.stamp + CATCHING_UP_NS
+        rotation = motion.kinematics.forward(motion.q).rotation
+        contact = self.watch.see(state, motion.q, rotation, catching_up=state.stamp < self._caught_up)
         if contact is None:
             return None
         stops = motion.tuning.stops_on_contact and not (motion.standing or motion.gives_way or motion.by_torque)

@@ -18,7 +18,7 @@ Up = Literal["up", "down"]
 
 class ServiceRow(BaseModel):
     """``since`` (unix seconds) is when its present state began; ``restarts``, how often it came back since this
-    gateway was started.
+    gateway was started: as a new process, or the same one whose connection to the bus was lost.
     """
 
     service: str

@@ -108,7 +108,7 @@ export function showHealth(health) {
   badge("health", health?.status ?? "unknown", health?.status === "up" ? "good" : "bad");
   if (!health) return;
   fill("services", health.services.map(({ robot, service, status, restarts }) =>
-    row([light(status), text(`${robot}/${service}`), small(status + (restarts ? ` · restarted ${restarts}×` : ""))])));
+    row([light(status), text(`${robot}/${service}`), small(status + (restarts ? ` · came back ${restarts}×` : ""))])));
 }
 
 export function showMoves(moves) {

@@ -4,56 +4,34 @@ from __future__ import annotations
 
 import json
 import math
-import time
-import urllib.error
-import urllib.request
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
-from websockets.sync.client import connect
-
+from rackhand.services.launch.api_connection import ApiConnection, Json, NoAnswer, NotInTime, is_jack_at
 from rackhand.services.launch.demo.errors import StoryError
 
-Json = dict[str, Any]
 TOPICS = ("/planning_state", "/jack_state", "/battery_state", "/load_state")
 ENDED = ("succeeded", "failed", "cancelled")
 PATIENCE = 600.0  # s of wall time; only ever bounds a failure
-HTTP_TIMEOUT = 30.0
-
-# Loopback is never behind a proxy, whatever the environment says.
-_opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
 
 
-class ChassisClient:
+class ChassisClient(ApiConnection):
     """``waiting`` is called with a text when there is news of what is waited for."""
 
     def __init__(self, url: str, waiting: Callable[[str], None]) -> None:
-        self._url, self._waiting = url, waiting
-        self._socket = connect(url.replace("http", "ws", 1) + "/ws/v2/topics", proxy=None, max_queue=None)
-        self._socket.send(json.dumps({"enable_topic": list(TOPICS)}))
-        self._seen: dict[str, Json] = {}
-
-    def __enter__(self) -> ChassisClient:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._socket.close()
+        super().__init__(url, TOPICS)
+        self._waiting = waiting
 
     def request(self, method: str, path: str, body: Json | None = None) -> Any:
         """The answer's JSON. Raises ``StoryError`` with the reason of a refusal."""
-        data = None if body is None else json.dumps(body).encode()
-        request = urllib.request.Request(self._url + path, data, {"content-type": "application/json"}, method=method)
         try:
-            with _opener.open(request, timeout=HTTP_TIMEOUT) as answer:
-                return json.loads(answer.read())
-        except urllib.error.HTTPError as error:
-            text = error.read().decode(errors="replace")
-            raise StoryError(f"{method} {path} {body}: status {error.code}: {text[:300]}") from None
-        except OSError as error:
-            raise StoryError(f"{method} {path}: no answer: {error}") from None
+            status, content = self.send(method, path, body)
+        except NoAnswer as error:
+            raise StoryError(str(error)) from None
+        if not 200 <= status < 300:
+            text = content.decode(errors="replace")
+            raise StoryError(f"{method} {path} {body}: status {status}: {text[:300]}")
+        return json.loads(content)
 
     def move(self, move_type: str, **target: float) -> None:
         """Post a move and wait until it has succeeded. Raises ``StoryError`` with its reason otherwise."""
@@ -70,11 +48,11 @@ class ChassisClient:
 
     def jack(self, direction: str) -> None:
         """Raise or lower the jack, and wait until it has arrived and the load is known."""
-        end, load = (1.0, "carrying") if direction == "up" else (0.0, "under_rack")
+        load = "carrying" if direction == "up" else "under_rack"
         self.request("POST", f"/services/jack_{direction}", {})
         self._wait(
             "/jack_state",
-            lambda jack: jack["state"] == "hold" and abs(jack["progress"] - end) < 0.01,
+            lambda jack: is_jack_at(jack, direction),
             lambda jack: f"jack {direction}, at {jack['progress']:.0%}",
         )
         self._wait("/load_state", lambda now: now["state"] == load, lambda now: f"load {load}, is {now['state']}")
@@ -107,31 +85,14 @@ class ChassisClient:
 
     def now(self) -> float:
         """Unix seconds of the robot's clock, which in a simulation is the simulation's; news come once a second."""
-        self._take(0.0)
-        while "/battery_state" not in self._seen:
-            self._take(1.0)
-        return float(self._seen["/battery_state"]["secs"])
+        self.drain()
+        return float(self._wait("/battery_state", lambda state: "secs" in state, lambda _: "the first news")["secs"])
 
     def _wait(self, topic: str, holds: Callable[[Json], bool], shown: Callable[[Json], str]) -> Json:
-        deadline = time.monotonic() + PATIENCE
-        while topic not in self._seen or not holds(self._seen[topic]):
-            if time.monotonic() > deadline:
-                raise StoryError(f"not within {PATIENCE:g} s; {topic} is {self._seen.get(topic)}")
-            if topic in self._seen:
-                self._waiting(shown(self._seen[topic]))
-            self._take(1.0)
-        return self._seen[topic]
-
-    def _take(self, seconds: float) -> None:
-        """All frames that have come; waits so long for a first one."""
         try:
-            while True:
-                frame = json.loads(self._socket.recv(timeout=seconds))
-                if "topic" in frame:
-                    self._seen[frame["topic"]] = frame
-                seconds = 0.0
-        except TimeoutError:
-            return
+            return self.wait(topic, holds, PATIENCE, lambda seen: self._waiting(shown(seen)))
+        except NotInTime as late:
+            raise StoryError(f"not within {PATIENCE:g} s; {topic} is {late.seen}") from None
 
 
 def _shown(move_type: str, remaining: float) -> str:

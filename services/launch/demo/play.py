@@ -17,7 +17,7 @@ from rackhand.services.launch.demo.errors import StoryError
 from rackhand.services.launch.demo.player import Player
 from rackhand.services.launch.demo.story import STORY
 from rackhand.worlds.data import WorldFileError
-from rackhand.worlds.world_model import World, load_world
+from rackhand.worlds.world_model import load_world
 
 PICKER, INTRUDER = 10, 5  # priorities: the smaller number wins
 
@@ -26,15 +26,14 @@ def play(world: str, options: list[str]) -> int:
     """Play the story in a cell with these options of ``rackhand up``. Returns 0, or 1 and prints what failed."""
     output = Output()
     try:
-        loaded = load_world(world)
-        stage.base_of(loaded), stage.inventory(loaded)  # before a cell is started in vain
+        scene = stage.scene_of(load_world(world))  # before a cell is started in vain
         with tempfile.TemporaryDirectory(prefix="rackhand-demo-") as name:
             arguments = ["--world", world, "--crf-port", "0", *options]
             with stage.running(Path(name), arguments, output) as cell:
                 output.say(f"page        {cell.http}/")
                 if cell.viewer:
                     output.say(f"live view   {cell.viewer}")
-                with on_stage(cell, loaded, output) as player:
+                with on_stage(cell, scene, output) as player:
                     player.play(STORY)
     except (StoryError, CellError, WorldFileError) as error:
         print(f"rackhand demo: {error}", file=sys.stderr)
@@ -44,9 +43,8 @@ def play(world: str, options: list[str]) -> int:
 
 
 @contextmanager
-def on_stage(cell: BackgroundCell, world: World, output: Output) -> Iterator[Player]:
-    """A player with its clients, in a cell of that world whose pick station is freed first."""
-    base, goods = stage.base_of(world), stage.inventory(world)
+def on_stage(cell: BackgroundCell, scene: stage.Scene, output: Output) -> Iterator[Player]:
+    """A player with its clients, in a cell of that scene whose pick station is freed first."""
     stage.set_aside(cell.bus)
     address, waiting = cell.crf[stage.ARM], output.waiting
     with (
@@ -54,4 +52,4 @@ def on_stage(cell: BackgroundCell, world: World, output: Output) -> Iterator[Pla
         ArmClient(address, "picker", PICKER, waiting) as arm,
         ArmClient(address, "inspector", INTRUDER, waiting) as intruder,
     ):
-        yield Player(chassis, arm, intruder, base, goods, output)
+        yield Player(chassis, arm, intruder, scene.base, scene.goods, output)

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from rackhand.schemas import planar
 from rackhand.services.launch.background import START, BackgroundCell
@@ -55,16 +56,26 @@ def set_aside(endpoint: str) -> None:
         raise StoryError(f"{SET_ASIDE} cannot be moved to {', '.join(at)}: {(done.stderr or done.stdout).strip()}")
 
 
-def base_of(world: World) -> Base:
-    """Where the arm's base is. Raises ``StoryError`` if the world has no such arm."""
+class Scene(NamedTuple):
+    """What the story needs of a world: where the arm's base is, and the items on their rack, by name."""
+
+    base: Base
+    goods: dict[str, Goods]
+
+
+def scene_of(world: World) -> Scene:
+    """Raises ``StoryError`` if something is missing in the world."""
+    return Scene(_base_of(world), _inventory(world))
+
+
+def _base_of(world: World) -> Base:
     if ARM not in world.arms:
         raise StoryError(f"world {world.name} has no arm {ARM}; the story needs one beside a rack point")
     place = world.arms[ARM]
     return Base(place.pose, place.mount)
 
 
-def inventory(world: World) -> dict[str, Goods]:
-    """The items of the story on their rack, as the world's file has them. Raises ``StoryError`` if one is missing."""
+def _inventory(world: World) -> dict[str, Goods]:
     missing = [name for name in ITEMS if name not in world.items] + [n for n in (RACK,) if n not in world.racks]
     if missing or TABLE not in world.statics:
         raise StoryError(f"world {world.name} lacks {', '.join(missing) or TABLE}, which the story needs")

@@ -28,7 +28,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rackhand.schemas.base import NANOSECONDS, Pose2
-from rackhand.schemas.explain import Measure
 from rackhand.schemas.fail_reasons import MoveFailReason
 from rackhand.schemas.maps import PointType
 from rackhand.schemas.moves import MoveCreate, PlanningFlag
@@ -37,7 +36,7 @@ from rackhand.services.planner.behaviors.approach import approach
 from rackhand.services.planner.behaviors.base import Behavior, Context, Done, Drive, Status
 from rackhand.services.planner.behaviors.drive_to_pose import DriveToPose
 from rackhand.services.planner.control.goal_checker import is_still
-from rackhand.services.planner.errors import MoveFailed
+from rackhand.services.planner.errors import MoveFailed, elapsed
 from rackhand.services.planner.geometry import se2
 from rackhand.services.planner.geometry.footprint import expanded
 from rackhand.services.planner.geometry.polygon import inside_convex
@@ -269,7 +268,7 @@ class ToUnloadPoint:
         patience = ctx.settings.unload_patience
         waited = f"for {patience:.0f} s while the chassis waited for it to leave"
         text = f"{what} overlaps the place of the rack, {self._target}, {waited}"
-        lasted = Measure(name="time that the place was occupied", value=patience, expected=patience, unit="s")
+        lasted = elapsed("time that the place was occupied", patience, patience)
         return MoveFailed(MoveFailReason.UNLOAD_POINT_OCCUPIED, text).about(
             thing_at(ctx.costmap, x, y), measures=(lasted,)
         )

@@ -9,6 +9,7 @@ from rackhand.schemas.chassis import Battery, ChassisModel, Contacts, FollowTarg
 
 POSE_TIMEOUT_NS = NANOSECONDS // 2
 QUALITY_LOST = 1
+AT_REST = 0.05  # m/s and rad/s: measured below it, the chassis is at rest
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,13 @@ class ChassisState:
         if name is not None:
             setattr(self, name, message)
         return name is not None
+
+    @property
+    def rests(self) -> bool:
+        """Whether the chassis is measured to be at rest."""
+        return self.odometry is not None and (
+            max(abs(self.odometry.twist.linear), abs(self.odometry.twist.angular)) < AT_REST
+        )
 
     def observation(self) -> Observation | None:
         """What navigation is to know now, or None before odometry and a pose have come."""

@@ -11,8 +11,11 @@ import numpy as np
 
 from rackhand.schemas.fencing import FencingGuard
 from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken, Following, Gripper
+from rackhand.services.sim.arm.efforts import Efforts
 from rackhand.services.sim.arm.servo import (
     HOLD,
+    LATE,
+    ON_TIME,
     POSITION,
     VELOCITY,
     Array,
@@ -20,10 +23,11 @@ from rackhand.services.sim.arm.servo import (
     Joints,
     Reference,
     Servo,
+    extrapolate,
     hold_to,
     let_torques,
     plan,
-    stream_velocity,
+    stream_motion,
 )
 from rackhand.services.sim.arm.suction import Suction
 from rackhand.services.sim.arm.take_over import TakeOver
@@ -31,6 +35,7 @@ from rackhand.services.sim.chassis.drive import COMMAND_LIFE_NS
 from rackhand.services.sim.mjcf.arm_model import FORCE, TOOL, TORQUE
 from rackhand.worlds.arm_model import ArmDescription
 from rackhand.worlds.data import WorldFileError
+from rackhand.worlds.world_model import ARM_INSTANT_NS
 
 # Commands come each 2 … 20 ms (s); before the second one has come, the interval is taken to be this.
 SHORTEST, LONGEST, FIRST_INTERVAL = 0.002, 0.02, 0.004
@@ -44,15 +49,18 @@ _PLANS = {"position": POSITION, "velocity": VELOCITY}
 @dataclass(frozen=True)
 class Order:
     """A command in force. ``velocity``: with which the stream that it belongs to passes the position, 0 of a joint that
-    jumps there; ``slope``: how fast it has come there, NaN of a stream's first; ``interval``: seconds since the command
-    before it; ``token``: the grant it belongs to.
+    jumps there; ``acceleration``: that of the stream; ``slope``: how fast it has come there, NaN of a stream's first;
+    ``gap``: seconds since the command before it, NaN of a first; ``interval``: those from one command to the next where
+    none is lost; ``token``: the grant it belongs to.
     """
 
     mode: Mode
     values: Array
     answers: int
     velocity: Array
+    acceleration: Array
     slope: Array
+    gap: float
     interval: float
     token: FencingToken
 
@@ -80,18 +88,22 @@ class Arm:
         self._step = float(model.opt.timestep)
         data.qpos[self._qpos] = home
         self._torque, self._none, self._unknown = np.zeros(self.n), np.zeros(self.n), np.full(self.n, np.nan)
+        self.efforts = Efforts(self.n, round(ARM_INSTANT_NS * 1e-9 / self._step))
         self._reference = Reference.at(np.array(home), self._none, self._step)
         self._coasts = 0  # how many segments more a stream may be late
         # Compiled here, for no command is to wait for it.
         self._plan("hold", None, ahead=0.0)
         let_torques(self._none, self._now, self.limits, self._torque)
         hold_to(self._reference, self._now, self.limits, self._step, self._torque)
-        stream_velocity(self._none, self._none, self._unknown, 0.0, FIRST_INTERVAL, self.limits)
+        stream_motion(self._none, self._none, self._unknown, 0.0, FIRST_INTERVAL, FIRST_INTERVAL, self.limits)
+        extrapolate(self._none, self._none, self._none, 0.0)
 
     @property
     def compiled_servo(self) -> Servo:
         """What ``Physics`` needs to drive the arm while ``only_follows`` holds."""
-        return Servo(self._reference, self._now, self.limits, self._torque, self._motors, self._data.ctrl)
+        return Servo(
+            self._reference, self._now, self.limits, self._torque, self.efforts.total, self._motors, self._data.ctrl
+        )
 
     @property
     def only_follows(self) -> bool:
@@ -162,9 +174,8 @@ class Arm:
         """Let an admitted command take effect."""
         self._gripper.on = command.suction
         values, before = np.array(command.values), self._order
-        gap = FIRST_INTERVAL if before is None else (command.answers - before.answers) * 1e-9
-        interval = min(max(gap, SHORTEST), LONGEST) if before is None or gap > 0 else before.interval
-        velocity, slope = self._none, self._unknown
+        gap, interval = self._timing(command, before)
+        velocity, acceleration, slope = self._none, self._none, self._unknown
         if command.mode == "position":
             if before is not None and before.mode == "torque":
                 # Without a bump: on from where the arm is, with the velocity it has.
@@ -174,8 +185,26 @@ class Arm:
                 values + self._take_over.added(command.answers, values), self.limits.lower, self.limits.upper
             )
         if before is not None and before.mode == command.mode == "position":
-            velocity, slope = stream_velocity(values, before.values, before.slope, gap, interval, self.limits)
-        self._order = Order(command.mode, values, command.answers, velocity, slope, interval, command.token)
+            passed = (command.answers - before.answers) * 1e-9
+            apart = gap if math.isnan(before.gap) else (gap + before.gap) / 2
+            velocity, slope, acceleration = stream_motion(
+                values, before.values, before.slope, passed, gap, apart, self.limits
+            )
+        self._order = Order(
+            command.mode, values, command.answers, velocity, acceleration, slope, gap, interval, command.token
+        )
+
+    def _timing(self, command: ArmCommand, before: Order | None) -> tuple[float, float]:
+        """``gap`` and ``interval`` of the order to be."""
+        if before is None:
+            return math.nan, FIRST_INTERVAL
+        passed = (command.answers - before.answers) * 1e-9
+        if passed <= 0:
+            return (FIRST_INTERVAL if math.isnan(before.gap) else before.gap), before.interval
+        gap = min(max(passed, SHORTEST), LONGEST)
+        # One long gap is a command that was lost; two are a slower stream.
+        lost = gap > 1.25 * before.interval and gap > 1.25 * before.gap
+        return gap, before.interval if lost else gap
 
     def silence(self) -> None:
         """Nobody commands it any more: it brakes at once. What its gripper holds it goes on holding."""
@@ -185,6 +214,7 @@ class Arm:
 
     def begin(self, stamp: int) -> None:
         """Prepare the control step that begins at ``stamp``."""
+        self.efforts.begin()
         order = self._order
         if order is not None and stamp - order.answers >= COMMAND_LIFE_NS:
             order = self._order = None
@@ -193,8 +223,13 @@ class Arm:
             # What the reference was before is forgotten.
             self._reference.restart(self._now.position, self._now.velocity, self._step)
         if mode != self._mode or order is not self._taken:
-            self._coasts = COASTS
-            self._plan(mode, order, ahead=0.0 if order is None else (stamp - order.answers - self.latency_ns) * 1e-9)
+            ahead = 0.0 if order is None else (stamp - order.answers - self.latency_ns) * 1e-9
+            more = 0
+            if order is not None and mode == "position" and ahead > self._step / 2:
+                # What is corrected because it came late is corrected in more than an interval: no joint is jolted.
+                more = min(math.ceil(ahead / order.interval - 0.01), COASTS)
+            self._coasts = COASTS - more
+            self._plan(mode, order, ahead, more)
         self._mode, self._taken = mode, order
         self._gripper.begin()
 
@@ -207,6 +242,7 @@ class Arm:
             hold_to(self._reference, self._now, self.limits, self._step, self._torque)
         control = self._data.ctrl
         control[self._motors] = self._torque
+        self.efforts.total += self._torque
         self._gripper.act()
 
     def continue_reference(self) -> None:
@@ -220,27 +256,31 @@ class Arm:
         else:
             self._plan(self._mode, order, ahead=0.0, ended=True)
 
-    def _plan(self, mode: Mode, order: Order | None, ahead: float, ended: bool = False) -> None:
+    def _plan(self, mode: Mode, order: Order | None, ahead: float, more: int = 0, ended: bool = False) -> None:
         """The next segment, from the present reference on. ``ahead``: by how many seconds the stream is further than
-        its newest command says, negative where that came before its latency had passed; ``ended``: it was the last.
+        its newest command says, negative where that came before its latency had passed. ``more``: for how many
+        intervals more than one; ``ended``: it was the last.
         """
         self._ahead = ahead
         interval = FIRST_INTERVAL if order is None else order.interval
-        duration = max(round(interval / self._step), 1) * self._step
+        duration = max(round((1 + more) * interval / self._step), 1) * self._step
         values = passing = self._none
-        if order is not None:
-            passing = self._none if ended else order.velocity
-            values = order.values + passing * ahead if order.mode == "position" else order.values
-        plan(self._reference, _PLANS.get(mode, HOLD), values, passing, self.limits, duration)
+        if order is not None and mode == "position" and not ended:
+            values, passing = extrapolate(order.values, order.velocity, order.acceleration, ahead + more * interval)
+        elif order is not None:
+            values = order.values
+        sharpest = LATE if more or ended else ON_TIME
+        plan(self._reference, _PLANS.get(mode, HOLD), values, passing, self.limits, duration, sharpest)
 
     # -- what it measures --------------------------------------------------------------------------------------------
 
     def measured(self) -> tuple[Array, Array, Array]:
-        """Positions, velocities and efforts of its joints, as in its state."""
+        """Positions and velocities of its joints, as in its state, and the torques of its motors."""
         return self._now.position, self._now.velocity, self._torque
 
     def state(self, stamp: int) -> ArmState:
-        """``efforts`` are the motors' torques; ``wrench`` is what the tool (its weight included) does to the flange."""
+        """``efforts`` are means since the state before; ``wrench``: what the tool, its weight included, does to the
+        flange."""
         sensed, order = self._data.sensordata, self._order
         # MuJoCo's sensors measure what the flange does to the tool, and leave out the pull of an adhesion, which acts
         # along the cup's axis.
@@ -250,7 +290,7 @@ class Arm:
             stamp=stamp,
             q=tuple(self._now.position.tolist()),
             dq=tuple(self._now.velocity.tolist()),
-            efforts=tuple(self._torque.tolist()),
+            efforts=tuple(self.efforts.mean(self._torque).tolist()),
             wrench=(*(force + pull).tolist(), *moment.tolist()),
             follows=Following() if order is None else Following(token=order.token, answers=order.answers),
             gripper=Gripper(suction=self._gripper.on, holding=self._gripper.holding) if self._gripper.fitted else None,

@@ -17,9 +17,12 @@ Array = NDArray[np.float64]
 
 # What a segment is planned for.
 HOLD, POSITION, VELOCITY = 0, 1, 2
-# A stream of positions at its acceleration limit, sampled and with jitter, asks for more than the limit between two
-# samples. Within this factor it is followed to the letter; beyond it, as a jump.
+# A stream at its acceleration limit, sampled and with jitter, asks for more than the limit between two samples: of what
+# changes faster than this factor allows a joint is taken to jump.
 STREAM_SLACK = 4.0
+# A segment to a position that needs more than so many times the limit is not driven, and the joint draws near within
+# its limits: of a stream that is on time, and of what was foreseen wrongly because a command came late.
+ON_TIME, LATE = 6.0, 2.5
 # The servo's poles, rad/s: fast beside any motion, slow beside its period of 1 ms.
 BANDWIDTH = 100.0
 # A joint that is held back drags its reference along at this distance (rad), instead of winding up.
@@ -87,7 +90,8 @@ class Reference(NamedTuple):
 class Servo:
     """What a servo works on: arrays that stay where they are as long as the arm is there.
 
-    ``motors``: indices of its joints' motors in ``ctrl``, the physics' own array; ``torque`` is written.
+    ``motors``: indices of its joints' motors in ``ctrl``, the physics' own array; ``torque`` is written, and added to
+    ``total``.
     """
 
     def __init__(
@@ -96,10 +100,11 @@ class Servo:
         joints: Joints,
         limits: JointLimits,
         torque: Array,
+        total: Array,
         motors: NDArray[np.int64],
         ctrl: Array,
     ) -> None:
-        self._kept = (*reference, *joints, *limits, torque, np.ascontiguousarray(motors, np.int64), ctrl)
+        self._kept = (*reference, *joints, *limits, torque, total, np.ascontiguousarray(motors, np.int64), ctrl)
         for array in self._kept:
             if not array.flags.c_contiguous:
                 raise ValueError(f"an array of shape {array.shape} is not contiguous")
@@ -108,21 +113,29 @@ class Servo:
 
 
 @compiled
-def plan(reference: Reference, mode: int, values: Array, passing: Array, limits: JointLimits, duration: float) -> None:
+def plan(
+    reference: Reference,
+    mode: int,
+    values: Array,
+    passing: Array,
+    limits: JointLimits,
+    duration: float,
+    sharpest: float,
+) -> None:
     """The next segment of the reference, from where it is.
 
-    ``POSITION``: to ``values``, passed with the velocities ``passing``. Where they can be reached within the segment,
-    and the joint can then stop before the end of its range, they are; else it draws near what passes there within its
-    limits of velocity and acceleration: it can always brake to the velocity ``passing`` when it has caught up.
-    ``VELOCITY``: to ``values``, so that the joint can always stop before the end of its range. ``HOLD``: to standstill,
-    as hard as the acceleration limits allow.
+    ``POSITION``: to ``values``, passed with the velocities ``passing``. Where they can be reached within the segment
+    with ``sharpest`` times the acceleration limit, and the joint can then stop before the end of its range, they are;
+    else it draws near what passes there within its limits of velocity and acceleration: it can always brake to the
+    velocity ``passing`` when it has caught up. ``VELOCITY``: to ``values``, so that the joint can always stop before
+    the end of its range. ``HOLD``: to standstill, as hard as the acceleration limits allow.
     """
     for j in range(len(reference.position)):
         p, v = reference.position[j], _velocity(reference, j)
         lower, upper, acceleration = limits.lower[j], limits.upper[j], limits.acceleration[j]
         if mode == POSITION:
             fastest = limits.velocity[j]
-            p1, v1 = _towards(p, v, values[j], passing[j], lower, upper, fastest, acceleration, duration)
+            p1, v1 = _towards(p, v, values[j], passing[j], lower, upper, fastest, acceleration, duration, sharpest)
         elif mode == VELOCITY:
             wanted = values[j]
             room = max(upper - p if wanted > 0 else p - lower, 0.0)
@@ -136,25 +149,41 @@ def plan(reference: Reference, mode: int, values: Array, passing: Array, limits:
 
 
 @compiled
-def stream_velocity(
-    values: Array, before: Array, before_slope: Array, gap: float, interval: float, limits: JointLimits
-) -> tuple[Array, Array]:
-    """Velocity with which a stream of positions passes its newest ``values``, and how fast it came there (its slope).
+def stream_motion(
+    values: Array, before: Array, before_slope: Array, gap: float, interval: float, apart: float, limits: JointLimits
+) -> tuple[Array, Array, Array]:
+    """Velocity and acceleration with which a stream of positions passes its newest ``values``, and how fast it came
+    there (its slope).
 
-    ``before`` and ``before_slope`` are those of its last positions, ``gap`` seconds earlier (0: of the same stamp). The
-    velocity is 0 of a joint that jumps: one that is faster, or gains more within ``interval``, than its limits allow.
-    At the end of the interval the stream is faster than on average by half of what it gained.
+    ``before`` and ``before_slope`` are those of its last positions, ``gap`` seconds earlier (0: of the same stamp);
+    ``interval`` is that gap within bounds, ``apart`` how far the middles of the last two are. Both are 0 of a joint
+    that jumps: one that is faster, or gains more within ``apart``, than its limits allow.
     """
     n = len(values)
-    velocity, slope = np.zeros(n), np.empty(n)
+    velocity, slope, acceleration = np.zeros(n), np.empty(n), np.zeros(n)
     for j in range(n):
         slope[j] = (values[j] - before[j]) / gap if gap > 0 else before_slope[j]
-        gained, most = slope[j] - before_slope[j], limits.acceleration[j] * interval
+        gained, most = slope[j] - before_slope[j], limits.acceleration[j] * apart
         if math.isnan(gained):
             gained = 0.0
         if abs(gained) <= STREAM_SLACK * most and abs(slope[j]) <= 1.001 * limits.velocity[j]:
-            velocity[j] = slope[j] + _clip(gained, -most, most) / 2
-    return velocity, slope
+            acceleration[j] = _clip(gained, -most, most) / apart
+            # At the end of the interval the stream is faster than on average.
+            velocity[j] = slope[j] + acceleration[j] * interval / 2
+    return velocity, slope, acceleration
+
+
+@compiled
+def extrapolate(values: Array, velocity: Array, acceleration: Array, ahead: float) -> tuple[Array, Array]:
+    """Positions and velocities of a stream ``ahead`` seconds after its ``values``. What brakes is not taken to turn."""
+    n = len(values)
+    positions, velocities = np.empty(n), np.empty(n)
+    for j in range(n):
+        v, a, time = velocity[j], acceleration[j], ahead
+        if v * a < 0.0:
+            time = min(ahead, -v / a)
+        positions[j], velocities[j] = values[j] + (v + a * time / 2) * time, v + a * time
+    return positions, velocities
 
 
 @compiled
@@ -252,12 +281,15 @@ def _towards(
     fastest: float,
     acceleration: float,
     duration: float,
+    sharpest: float,
 ) -> tuple[float, float]:
     """Position and velocity at the end of a segment on the way to ``target``."""
     target, passing = _clip(target, lower, upper), _clip(passing, -fastest, fastest)
     way = target - p
-    reach = STREAM_SLACK * acceleration * duration**2 / 2
-    at_hand = abs(way - v * duration) <= reach and abs(way) <= fastest * duration * 1.001
+    # The cubic accelerates most at its ends.
+    begins = (6 * way / duration - 4 * v - 2 * passing) / duration
+    ends = (2 * v + 4 * passing - 6 * way / duration) / duration
+    at_hand = max(abs(begins), abs(ends)) <= sharpest * acceleration and abs(way) <= fastest * duration * 1.001
     room = upper - target if passing > 0 else target - lower
     if at_hand and abs(passing) <= math.sqrt(2 * acceleration * room) + acceleration * duration:
         return target, passing
@@ -267,7 +299,10 @@ def _towards(
     wanted = passing + _sign(behind) * closing
     room = max(upper - p if wanted > 0 else p - lower, 0.0)
     most = _stopping_speed(room, _sign(wanted) * v, fastest, acceleration, duration)
-    return _accelerate(p, v, _clip(wanted, -most, most), acceleration, duration)
+    if abs(wanted) > most:
+        # It came to the end of the range by a stream that was followed to the letter.
+        return _accelerate(p, v, _clip(wanted, -most, most), STREAM_SLACK * acceleration, duration)
+    return _accelerate(p, v, wanted, acceleration, duration)
 
 
 @compiled

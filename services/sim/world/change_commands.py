@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Annotated, Any
 
 import typer
 from pydantic import TypeAdapter, ValidationError
 
-from rackhand.bus import Bus, BusConfig, CallTimeout, Presence, Refused, Unavailable
+from rackhand.bus import Bus, BusConfig, CallTimeout, Refused, Unavailable
 from rackhand.schemas import topics
 from rackhand.schemas.codec import explain
 from rackhand.schemas.faults import FAULTS
-from rackhand.schemas.service import CELL, WORLD, ServiceId
+from rackhand.schemas.service import CELL, ServiceId
 from rackhand.schemas.world import WorldReply, WorldRequest
 
-PATIENCE = 5.0  # seconds until the simulator must have been found
+MOMENT, PATIENCE = 1.0, 10.0  # seconds in which a simulator usually answers, and in which it must have
 _REQUEST: TypeAdapter[WorldRequest] = TypeAdapter(WorldRequest)
 
 At = Annotated[tuple[float, float, float], typer.Option(help="x, y (m) and yaw (rad) in the map")]
@@ -31,18 +32,27 @@ def ask_world(fields: Mapping[str, Any]) -> WorldReply:
         request = _REQUEST.validate_python({"request": dict(fields)})
     except ValidationError as error:
         raise CannotChange(explain(error)) from None
-    config = BusConfig()
-    with Bus(ServiceId("world-command", CELL), config) as bus:
-        services = bus.inbox().watch_services()
-        while (event := services.get(timeout=PATIENCE)) != Presence(ServiceId("sim", WORLD), alive=True):
-            if event is None:
-                raise CannotChange(f"no simulator was found at {config.connect} within {PATIENCE:g} s. Is the cell up?")
+    with Bus(ServiceId("world-command", CELL), BusConfig()) as bus:
         try:
-            return bus.call(topics.WORLD_CONTROL, request, timeout=10.0)
+            return _patient(partial(_ask_simulator, bus, request))
         except Refused as refused:
             raise CannotChange(refused.text) from None
         except (Unavailable, CallTimeout) as error:
-            raise CannotChange(f"the simulator did not answer: {error}") from None
+            text = f"no simulator answered at {BusConfig().connect} within {PATIENCE:g} s: {error}. Is the cell up?"
+            raise CannotChange(text) from None
+
+
+def _ask_simulator(bus: Bus, request: WorldRequest, patience: float) -> WorldReply:
+    return bus.call_when_served(topics.WORLD_CONTROL, request, timeout=10.0, patience=patience)
+
+
+def _patient(ask: Callable[[float], WorldReply]) -> WorldReply:
+    """Asks for so many seconds; what takes longer than a moment is said. Raises as ``ask`` does."""
+    try:
+        return ask(MOMENT)
+    except Unavailable:
+        typer.echo(f"world: waiting for a simulator, up to {PATIENCE:g} s", err=True)
+    return ask(PATIENCE - MOMENT)
 
 
 def place(

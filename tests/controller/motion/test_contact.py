@@ -9,7 +9,7 @@ from rackhand.schemas.arrays import Array
 from rackhand.schemas.crf_contact import Contact
 from rackhand.schemas.motion import ArmState
 from rackhand.services.controller.motion.contact import ContactBounds, ContactWatch, describe
-from rackhand.services.controller.motion.disturbance import resting_efforts
+from rackhand.services.controller.motion.disturbance import DisturbanceObserver, resting_efforts
 from rackhand.services.controller.motion.kinematics import ArmKinematics
 from tests.controller.cell import UR5E
 
@@ -23,9 +23,11 @@ class Watched:
     """An arm at rest at home, whose motors carry its weight and what the tool does to the flange."""
 
     def __init__(self) -> None:
-        self.watch, self.stamp = ContactWatch(UR5E), 0
+        self.watch, self.stamp = ContactWatch(UR5E, PERIOD_NS * 1e-9), 0
 
-    def see(self, force: Array, off: Array | None = None, extra: Array | None = None) -> Contact | None:
+    def see(
+        self, force: Array, off: Array | None = None, extra: Array | None = None, catching_up: bool = False
+    ) -> Contact | None:
         """``force`` (3,) [N] of the tool on the flange, base axes; ``off`` (n,) [rad] its command; ``extra`` (n,) [N·m]
         that something else pushes with."""
         wrench = np.concatenate([ROTATION.T @ force, np.zeros(3)])
@@ -35,7 +37,8 @@ class Watched:
             stamp=self.stamp, q=tuple(UR5E.home), dq=(0.0,) * 6, efforts=tuple(efforts), wrench=tuple(wrench)
         )
         self.stamp += PERIOD_NS
-        return self.watch.see(state, UR5E.home if off is None else UR5E.home + off, ROTATION)
+        commanded = UR5E.home if off is None else UR5E.home + off
+        return self.watch.see(state, commanded, ROTATION, catching_up)
 
     def meanwhile(self, seconds: float, force: Array) -> list[Contact | None]:
         return [self.see(force) for _ in range(round(seconds * 1e9) // PERIOD_NS)]
@@ -90,3 +93,25 @@ def test_a_joint_that_does_not_follow_is_found(joint: int) -> None:
     off = 1.1 * BOUNDS.following * np.eye(6)[joint]
     found = [arm.see(np.zeros(3), off=off) for _ in range(BOUNDS.ticks)][-1]
     assert found is not None and (found.kind, found.joint) == ("following", joint)
+
+
+def test_an_arm_that_catches_up_may_be_off_its_command_and_is_watched_for_the_rest() -> None:
+    arm, off = Watched(), 2.0 * BOUNDS.following * np.ones(6)
+    assert not any(arm.see(np.zeros(3), off=off, catching_up=True) for _ in range(50))
+    extra = 2.0 * BOUNDS.torque * UR5E.limits.torque * np.eye(6)[1]
+    found = [arm.see(np.zeros(3), off=off, extra=extra, catching_up=True) for _ in range(25)]
+    assert any(contact is not None and (contact.kind, contact.joint) == ("torque", 1) for contact in found)
+
+
+def test_what_the_efforts_were_while_states_were_missed_is_not_known() -> None:
+    """The same motion with and without the states in the middle of it, where the motors gave what is in no state."""
+    observer, period = DisturbanceObserver(UR5E, PERIOD_NS * 1e-9), PERIOD_NS
+    rest = resting_efforts(UR5E, UR5E.home)
+
+    def see(stamp: int, speed: float) -> Array:
+        q, dq = tuple(UR5E.home), (speed, *(0.0,) * 5)
+        return observer.see(ArmState(stamp=stamp, q=q, dq=dq, efforts=tuple(rest), wrench=(0.0,) * 6))
+
+    see(0, 0.0)
+    assert np.abs(see(2 * period, 0.1)).max() == 0.0, "braked or not, who knows"
+    assert np.abs(see(3 * period, 0.2)).max() > 1.0, "sped up without a torque"

@@ -40,7 +40,7 @@ def test_the_cup_over_the_table_is_as_high_as_what_it_carries() -> None:
 
 def test_the_inventory_is_that_of_the_world() -> None:
     world = load_world("warehouse")
-    goods = stage.inventory(world)
+    goods = stage.scene_of(world).goods
     assert tuple(goods) == ITEMS
     for name, item in goods.items():
         x, y, z = item.lid(world.racks[RACK].pose)
@@ -53,6 +53,6 @@ def test_the_inventory_is_that_of_the_world() -> None:
 
 def test_a_world_without_the_rack_or_the_arm_is_refused_by_name() -> None:
     with pytest.raises(StoryError, match="jar_1"):
-        stage.inventory(load_world("empty"))
+        stage.scene_of(load_world("empty"))
     with pytest.raises(StoryError, match="no arm arm1"):
-        stage.base_of(load_world("warehouse").model_copy(update={"arms": {}}))
+        stage.scene_of(load_world("warehouse").model_copy(update={"arms": {}}))

@@ -15,7 +15,7 @@ from rackhand.schemas.maps import SelectMap
 from rackhand.schemas.moves import DEPRECATED_MOVE_TYPES, MOVE_TYPES, GetMove, ListMoves, MoveRequest
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.services.planner.behaviors.registry import BEHAVIORS
-from rackhand.services.planner.chassis import ChassisSettings
+from rackhand.services.planner.chassis_settings import ChassisSettings
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL
 from rackhand.services.planner.jacking import TIME_LIMIT_NS

@@ -9,7 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rackhand.services.sim.arm.servo import BANDWIDTH, FEEDBACK_SHARE, MAX_ERROR, STREAM_SLACK, Array, JointLimits
+from rackhand.services.sim.arm.servo import (
+    BANDWIDTH,
+    FEEDBACK_SHARE,
+    MAX_ERROR,
+    STREAM_SLACK,
+    Array,
+    JointLimits,
+)
 
 
 @dataclass(frozen=True)
@@ -43,7 +50,9 @@ class Segment:
         return 6 * s * (1 - s) * way + (1 - s) * (1 - 3 * s) * self.start.velocity + s * (3 * s - 2) * self.end.velocity
 
 
-def towards(now: Motion, target: Array, velocity: Array, limits: JointLimits, duration: float) -> Segment:
+def towards(
+    now: Motion, target: Array, velocity: Array, limits: JointLimits, duration: float, sharpest: float
+) -> Segment:
     """On the way to ``target``, to be passed with ``velocity``.
 
     Where it can be reached within the segment it is; else the joint draws near what passes there within its limits of
@@ -52,8 +61,10 @@ def towards(now: Motion, target: Array, velocity: Array, limits: JointLimits, du
     target = np.clip(target, limits.lower, limits.upper)
     velocity = np.clip(velocity, -limits.velocity, limits.velocity)
     way = target - now.position
-    reach = STREAM_SLACK * limits.acceleration * duration**2 / 2
-    at_hand = (np.abs(way - now.velocity * duration) <= reach) & (np.abs(way) <= limits.velocity * duration * 1.001)
+    begins = (6 * way / duration - 4 * now.velocity - 2 * velocity) / duration
+    ends = (2 * now.velocity + 4 * velocity - 6 * way / duration) / duration
+    gentle = np.maximum(np.abs(begins), np.abs(ends)) <= sharpest * limits.acceleration
+    at_hand = gentle & (np.abs(way) <= limits.velocity * duration * 1.001)
     room = np.where(velocity > 0, limits.upper - target, target - limits.lower)
     at_hand &= np.abs(velocity) <= np.sqrt(2 * limits.acceleration * room) + limits.acceleration * duration
     behind = way - velocity * duration
@@ -61,7 +72,8 @@ def towards(now: Motion, target: Array, velocity: Array, limits: JointLimits, du
     wanted = velocity + np.sign(behind) * closing
     left = np.maximum(np.where(wanted > 0, limits.upper - now.position, now.position - limits.lower), 0.0)
     most = _stopping_speed(left, np.sign(wanted) * now.velocity, limits, duration)
-    limited = _accelerate(now, np.clip(wanted, -most, most), limits.acceleration, duration)
+    slack = np.where(np.abs(wanted) > most, STREAM_SLACK, 1.0)
+    limited = _accelerate(now, np.clip(wanted, -most, most), slack * limits.acceleration, duration)
     end = Motion(np.where(at_hand, target, limited.end.position), np.where(at_hand, velocity, limited.end.velocity))
     return Segment(now, end, duration)
 
@@ -107,11 +119,11 @@ class NumpyServo:
         self.segment = braking(Motion(self.position, self.rate), limits, step)
         self.time = 0.0
 
-    def plan(self, mode: str, values: Array, passing: Array, duration: float) -> None:
+    def plan(self, mode: str, values: Array, passing: Array, duration: float, sharpest: float) -> None:
         now = Motion(self.position, np.where(self.held_back, 0.0, self.segment.velocity(self.time)))
         match mode:
             case "position":
-                self.segment = towards(now, values, passing, self.limits, duration)
+                self.segment = towards(now, values, passing, self.limits, duration, sharpest)
             case "velocity":
                 self.segment = at_velocity(now, values, self.limits, duration)
             case _:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rackhand.services.sim.arm import servo as arm_servo
-from rackhand.services.sim.arm.servo import HOLD, POSITION, VELOCITY, JointLimits, Joints, Reference
+from rackhand.services.sim.arm.servo import HOLD, LATE, ON_TIME, POSITION, VELOCITY, JointLimits, Joints, Reference
 from rackhand.services.sim.simulation import Simulation
 from rackhand.worlds.world_model import load_world
 from tests.sim.arm.numpy_servo import NumpyServo, let_torques
@@ -44,10 +44,11 @@ def test_it_is_the_numpy_form_whatever_is_asked(seed: int) -> None:
     held_back = 0
     for _ in range(500):
         mode, duration = str(rng.choice(list(MODES))), rng.choice([0.002, 0.004, 0.02])
+        sharpest = float(rng.choice([ON_TIME, LATE]))
         values = wish(rng, mode, oracle.position)
         passing = oracle.rate + rng.choice([0.0, 0.05, 3.0]) * rng.normal(size=N)
-        arm_servo.plan(ours, MODES[mode], values, passing, LIMITS, duration)
-        oracle.plan(mode, values, passing, duration)
+        arm_servo.plan(ours, MODES[mode], values, passing, LIMITS, duration, sharpest)
+        oracle.plan(mode, values, passing, duration, sharpest)
         for _ in range(4):
             q = oracle.position + rng.choice([1e-4, 0.04]) * rng.normal(size=N)
             joints, mass = random_joints(rng, q, oracle.rate + 0.1 * rng.normal(size=N))
@@ -74,5 +75,7 @@ def test_torques_are_those_of_the_numpy_form() -> None:
 def test_a_constructed_world_has_compiled_all_kernels() -> None:
     """One compiled form each, so that no command waits for another."""
     Simulation(load_world("pick_station"), {}, 0, EXACT)
-    kernels: tuple[Any, ...] = (arm_servo.plan, arm_servo.hold_to, arm_servo.let_torques)
-    assert [len(kernel.signatures) for kernel in kernels] == [1, 1, 1]
+    kernels: tuple[Any, ...] = (
+        arm_servo.plan, arm_servo.hold_to, arm_servo.let_torques, arm_servo.stream_motion, arm_servo.extrapolate
+    )  # fmt: skip
+    assert [len(kernel.signatures) for kernel in kernels] == [1] * 5
