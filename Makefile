@@ -78,5 +78,6 @@ $(VENV)/bin/python:
 	@command -v $(PYTHON) >/dev/null || { echo "rackhand: $(PYTHON) not found. Install Python 3.11 or newer, or name one: make run PYTHON=/path/to/python3.12" >&2; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "rackhand: $$($(PYTHON) --version 2>&1) is too old. Python 3.11 or newer is needed; name one: make run PYTHON=python3.12" >&2; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "rackhand: $(PYTHON) has no venv module. On Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
+	@$(PYTHON) -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null || { echo "rackhand: the arm's kinematics need libgomp.so.1, which is not installed. On Debian and Ubuntu: apt install libgomp1" >&2; exit 1; }
 	@echo "rackhand: making the environment $(VENV) with $$($(PYTHON) --version)"
 	@$(PYTHON) -m venv $(VENV)

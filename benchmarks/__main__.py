@@ -40,6 +40,7 @@ NAMES = (
     "trajectory",
     "viewer",
     "viewer_memory",
+    "watchers",
 )
 
 

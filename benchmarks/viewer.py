@@ -120,9 +120,9 @@ def compared(
             os.sched_setscheduler(cell.pid("controller"), os.SCHED_OTHER, os.sched_param(0))  # its slices stay short
 
         def unseen() -> tuple[float, float]:
-            before = _processors()
+            before = processors()
             value = measure(work, bus, segment)
-            stolen, whole = _processors() - before
+            stolen, _, whole = processors() - before
             return value, stolen / whole
 
         def seen() -> tuple[float, float]:
@@ -142,11 +142,11 @@ def compared(
     return pairs
 
 
-def _processors() -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """What the host has taken of the processors' time since the machine began, and that time as a whole."""
+def processors() -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Of the processors' time since the machine began: what the host has taken, what nobody used, and all of it."""
     first = Path("/proc/stat").read_text().splitlines()[0]
     spent = [int(value) for value in first.split()[1:9]]  # what guests used is in the first already
-    return np.array([spent[7], sum(spent)])
+    return np.array([spent[7], spent[3] + spent[4], sum(spent)])
 
 
 def speed_of(work: Work, _bus: Bus, segment: float) -> float:

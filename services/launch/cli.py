@@ -13,8 +13,6 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from rackhand.services.launch import access_control, reference
-from rackhand.services.launch import asyncapi as contract
 from rackhand.services.launch.cell import CELL_FILE, CannotStart, run_cell
 from rackhand.services.launch.health import Health, ask_health
 from rackhand.services.launch.motion import CannotAsk, send_command
@@ -266,6 +264,10 @@ def topics(
     access: Annotated[bool, typer.Option("--access", help="as Zenoh access control of each role (JSON5)")] = False,
 ) -> None:
     """Print the contract: every topic and query on the bus."""
+    # All models take most of a second to import, which other commands need not wait for.
+    from rackhand.services.launch import access_control, reference
+    from rackhand.services.launch import asyncapi as contract
+
     if asyncapi or access:
         typer.echo(contract.text() if asyncapi else access_control.text(), nl=False)
         return
@@ -332,6 +334,8 @@ def _known(state_dir: Path, fact: str) -> str | None:
 
 
 def _health_table(health: Health) -> str:
+    from rackhand.services.launch.reference import plain  # see `topics`
+
     rows: list[tuple[str, ...]] = [
         (
             f"{row.get('robot')}/{row.get('service')}",
@@ -341,7 +345,7 @@ def _health_table(health: Health) -> str:
         )
         for row in health.rows
     ]
-    return reference.plain((("service", "status", "since", "restarts"), rows))
+    return plain((("service", "status", "since", "restarts"), rows))
 
 
 def _clock(since: object) -> str:

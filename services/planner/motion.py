@@ -97,6 +97,11 @@ class Motion:
         self._configured = replace(self._configured, max_expansions=places)
         self.settings = replace(self.settings, max_expansions=places)
 
+    def set_build_up(self, build_up: float) -> None:
+        """Seconds in which an acceleration builds up, from the next tick on."""
+        self._configured = replace(self._configured, build_up=build_up)
+        self.settings = replace(self.settings, build_up=build_up)
+
     def set_racks(self, specs: tuple[RackSpec, ...], ignore_objects_under_rack: bool) -> None:
         """The kinds of racks that may be carried, from the next move on; and whether what is under a carried one holds
         a move."""

@@ -20,6 +20,7 @@ from rackhand.schemas.parameters import (
     ParametersRequest,
     Range,
     SetParameters,
+    SmoothLevel,
 )
 from rackhand.schemas.racks import RackSpec
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
@@ -35,7 +36,8 @@ LEAST_SEARCH, MOST_SEARCH = 1_000.0, 6_000_000.0  # a hall of 100 m has 4 millio
 MIN_LOADED = 0.05  # m/s and rad/s: a load must not stop the chassis
 LOAD_STEP = 0.03  # of the greatest load, by which a measured weight must differ to change the velocities
 MIN_ACC = 0.1  # m/s²: with less, starting and stopping take longer than a move may be without progress
-SMOOTHER = 0.6  # of the acceleration, with the highest smooth level
+BUILD_UP: dict[SmoothLevel, float] = {"disabled": 0.0, "lower": 0.12, "normal": 0.2, "higher": 0.4}
+"""Seconds in which an acceleration builds up, by ``smooth_level``."""
 _META = "parameters"
 
 
@@ -110,8 +112,6 @@ def commanded(parameters: Parameters, limits: Limits, load: float = 0.0) -> Limi
     to ``weight_min_linear`` and ``weight_min_angular``.
     """
     allowed = limits._replace(**parameters.model_dump(include=set(Limits._fields)))
-    if parameters.smooth_level == "higher":
-        allowed = allowed._replace(max_forward_acc=SMOOTHER * allowed.max_forward_acc)
     if not parameters.weight_based_speed_limit or load == 0.0:
         return allowed
     linear = max(parameters.weight_min_linear, (1.0 - load) * limits.max_forward_velocity)
@@ -189,6 +189,7 @@ class ParameterService:
         self._motion.set_racks(self.values.rack_specs, self.values.ignore_objects_under_rack)
         self._motion.set_search_limit(int(self.values.search_limit))
         if limits is not None:
+            self._motion.set_build_up(BUILD_UP[self.values.smooth_level])
             self._motion.set_limits(commanded(self.values, limits, self._load), self._load)
 
     def follow_load(self, state: ChassisState) -> None:

@@ -195,6 +195,8 @@ class NavigationSettings:
     path_check_distance: float = 5.0
     stop_before_obstacle: float = 0.35
 
+    build_up: float = 0.2  # s in which an acceleration builds up, by ``control.acc_smoother.smooth_level``; 0: at once
+
     # given routes
     route_join_distance: float = 5.0  # from the first point, within which a route may be begun
     off_line_distance: float = 0.1  # off a given line, as after a push, from which on the chassis drives back to it

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from rackhand.schemas.parameters import (
     ParametersRequest,
     SetParameters,
     Setting,
+    SmoothLevel,
 )
 from rackhand.schemas.racks import RackSpec
 from rackhand.schemas.refusal import RefusalCode, RequestRefused
@@ -189,8 +191,20 @@ def test_a_running_move_obeys_at_once(cell: Cell) -> None:
     assert put(cell, max_forward_velocity=0.3).max_forward_velocity == 0.3
     assert cell.tick().twist.linear == pytest.approx(0.5 - 2.0 * 0.04)
     assert cell.tick(5).twist.linear == pytest.approx(0.3)
-    put(cell, max_forward_velocity=1.2, max_forward_acc=0.5)
+    put(cell, max_forward_velocity=1.2, max_forward_acc=0.5, smooth_level="disabled")
     assert cell.tick().twist.linear == pytest.approx(0.3 + 0.5 * 0.04)
+
+
+@pytest.mark.parametrize(("level", "build_up"), [("lower", 0.12), ("normal", 0.2), ("higher", 0.4)])
+def test_the_smooth_level_sets_in_which_time_an_acceleration_builds_up(
+    level: SmoothLevel, build_up: float, cell: Cell
+) -> None:
+    put(cell, max_forward_acc=0.5, smooth_level=level)
+    cell.create()
+    speeds = [0.0, *(cell.tick().twist.linear for _ in range(12))]
+    changes = [(b - a) / 0.04 for a, b in pairwise(speeds) if b > 0.0]
+    assert changes[0] == pytest.approx(0.5 * 0.04 / build_up)
+    assert changes.index(pytest.approx(0.5)) == round(build_up / 0.04) - 1
 
 
 def test_one_bad_value_changes_nothing(cell: Cell) -> None:

@@ -66,6 +66,7 @@ class BrakingGuard:
     def reset(self) -> None:
         """The driver restarted: it starts from standstill."""
         self.command, self.vetoed = STANDSTILL, False
+        self._acceleration = 0.0
         self._stamp: int | None = None
 
     def drive(
@@ -92,23 +93,32 @@ class BrakingGuard:
             linear = min(max(wanted.linear, limits.max_backward_velocity), limits.max_forward_velocity)
             angular = min(max(wanted.angular, -limits.max_angular_velocity), limits.max_angular_velocity)
             for share in SHARES:
-                command = profile.limited(self.command, share * linear, share * angular, dt, limits)
+                command = profile.smoothed(
+                    self.command, share * linear, share * angular, dt, limits, self._acceleration, settings.build_up
+                )
                 if braking_is_free(view.pose, measured, command, PERIOD, obstacles, edges, settings):
                     return self._next(command, stamp, vetoed=share < 1.0)
-        return self._next(profile.braked(self.command, dt, settings.own), stamp, vetoed=True)
+        return self._brake(profile.braked(self.command, dt, settings.own), stamp, vetoed=True)
 
     def brake(self, stamp: int, limits: Limits) -> Twist2:
         """The next command of the shortest stop."""
         command = profile.braked(self.command, self._since(stamp), limits)
         at_rest = max(abs(command.linear), abs(command.angular)) < AT_REST
-        return self._next(STANDSTILL if at_rest else command, stamp, vetoed=False)
+        return self._brake(STANDSTILL if at_rest else command, stamp, vetoed=False)
 
     def _since(self, stamp: int) -> float:
         if self._stamp is None or stamp <= self._stamp:
             return PERIOD
         return min((stamp - self._stamp) / NANOSECONDS, LONGEST)
 
+    def _brake(self, command: Twist2, stamp: int, vetoed: bool) -> Twist2:
+        """The shortest stop knows no jerk: it neither builds up nor ends slowly."""
+        self._next(command, stamp, vetoed)
+        self._acceleration = 0.0
+        return command
+
     def _next(self, command: Twist2, stamp: int, vetoed: bool) -> Twist2:
+        self._acceleration = (command.linear - self.command.linear) / self._since(stamp)
         self.command, self.vetoed, self._stamp = command, vetoed, stamp
         return command
 

@@ -7,9 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rackhand.services.sim.world.barn import write_barn_world
 from rackhand.services.sim.world.change_commands import add_change_commands
-from rackhand.services.sim.world.maps import write_map
 from rackhand.worlds.data import WorldFileError
 from rackhand.worlds.world_model import known_worlds, load_world, world_directory
 
@@ -30,6 +28,8 @@ def draw_map(
 
     Example: `rackhand world map warehouse --out /tmp/maps`
     """
+    from rackhand.services.sim.world.maps import write_map  # takes time, which other commands need not wait for
+
     try:
         paths = write_map(load_world(world), out or world_directory(world))
     except (WorldFileError, OSError) as error:
@@ -46,6 +46,8 @@ def from_barn(
 
     Example: `rackhand world from-barn worlds.json 42 ./barn_42`, then `rackhand up --world ./barn_42`
     """
+    from rackhand.services.sim.world.barn import write_barn_world  # see `draw_map`
+
     try:
         paths = write_barn_world(file, number, folder)
     except (WorldFileError, OSError) as error:

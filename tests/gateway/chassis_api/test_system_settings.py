@@ -48,7 +48,7 @@ def test_the_schema_has_the_documented_rows(described: Gateway) -> None:
         "description": "m/s; 0 holds a move without ending it, until it is raised",
     }
     assert rows["control.acc_smoother.smooth_level"]["options"] == ["disabled", "lower", "normal", "higher"]
-    assert rows["control.acc_smoother.smooth_level"]["description"].startswith("higher: ")
+    assert rows["control.acc_smoother.smooth_level"]["description"].startswith("limits the jerk")
     assert rows[FOOTPRINT]["default"] == [[0.2, -0.2], [0.2, 0.4], [-0.2, 0.4], [-0.2, -0.2]]
     assert {row["type"] for row in rows.values()} == {"float", "bool", "Enum", "Polygon", "RackSpecs"}
     for name, value in get(described, "default").items():

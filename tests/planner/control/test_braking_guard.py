@@ -7,7 +7,7 @@ import pytest
 
 from rackhand.schemas.base import Twist2
 from rackhand.services.planner.control import speed_profile as profile
-from rackhand.services.planner.control.braking_guard import braking_is_free
+from rackhand.services.planner.control.braking_guard import BrakingGuard, Surroundings, braking_is_free
 from rackhand.services.planner.geometry.footprint import Footprint
 from rackhand.services.planner.settings import NavigationSettings
 from tests.planner.plant import BODY
@@ -93,3 +93,34 @@ def test_braking_keeps_the_arc_and_ends_at_rest() -> None:
 def test_braking_a_turn_on_the_spot() -> None:
     assert profile.braked(twist(0.0, 1.0), 0.04, S.control).angular == pytest.approx(1.0 - 0.06)
     assert not math.isnan(profile.braked(twist(0.0, 0.0), 0.04, S.control).angular)
+
+
+FREE = Surroundings(np.zeros(3), np.empty((0, 5)))
+TICK = 40_000_000
+
+
+def commanded(guard: BrakingGuard, first: int, speeds: list[float], view: Surroundings | None = FREE) -> list[float]:
+    """What becomes of these wanted speeds, one a tick from number ``first`` on."""
+    return [
+        guard.drive(twist(speed), view, guard.command, (first + k) * TICK, S.control, EDGES, S).linear
+        for k, speed in enumerate(speeds)
+    ]
+
+
+def test_speeding_up_builds_up_and_a_stop_for_an_obstacle_does_not() -> None:
+    guard, limits = BrakingGuard(), S.control
+    changes = np.diff([0.0, *commanded(guard, 1, [1.2] * 40)]) / 0.04
+    assert np.abs(np.diff([0.0, *changes])).max() <= limits.max_forward_acc / S.build_up * 0.04 + 1e-9
+    assert changes.max() == pytest.approx(limits.max_forward_acc)
+    speed = guard.command.linear
+    stop = commanded(guard, 41, [1.2] * 5, None)
+    assert stop == pytest.approx([speed + limits.max_forward_decel * 0.04 * (k + 1) for k in range(5)])
+    assert guard.vetoed
+    again = commanded(guard, 46, [1.2] * 3)
+    assert np.diff([stop[-1], *again]) / 0.04 == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_a_held_chassis_brakes_at_once() -> None:
+    guard = BrakingGuard()
+    speed = commanded(guard, 1, [1.0] * 40)[-1]
+    assert guard.brake(41 * TICK, S.own).linear == pytest.approx(speed + S.own.max_forward_decel * 0.04)
