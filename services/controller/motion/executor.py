@@ -92,7 +92,7 @@ class MotionExecutor:
     def plannable(self) -> bool:
         """Whether waypoints can be planned from the end of the queue. Not while the solver chooses the posture on the
         path, nor before a reference has ended, for the driver too."""
-        return self._active is self._hands_over is None and not (self._by_solver and self.queue.motions)
+        return self._active is None and self._hands_over is None and not (self._by_solver and self.queue.motions)
 
     @property
     def gives_way(self) -> bool:
