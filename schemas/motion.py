@@ -14,7 +14,6 @@ from typing import Annotated, Any, Generic, Literal, Self, TypeVar
 import numpy as np
 from pydantic import (
     BeforeValidator,
-    ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
     Strict,
@@ -26,16 +25,11 @@ from pydantic.alias_generators import to_pascal
 from rackhand.schemas.base import Array, Message, Quaternion, Stamp, Vec3, Vec6
 from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.crf_contact import Contact
+from rackhand.schemas.crf_parameters import Numbers, PascalMessage
 from rackhand.schemas.crf_requests import CrfInt, CrfMessage, CrfVector
 from rackhand.schemas.orientation import CrfVec6, TaskPose
 
 T = TypeVar("T")
-
-Numbers = Annotated[tuple[float, ...], Strict(False)]
-
-
-class _Pascal(Message):
-    model_config = ConfigDict(alias_generator=to_pascal, validate_by_name=True, serialize_by_alias=True)
 
 
 class RefusalDetail(IntEnum):
@@ -142,7 +136,7 @@ class MotionStatus(CrfMessage):
         return self
 
 
-class TaskSpace(_Pascal):
+class TaskSpace(PascalMessage):
     """Which of the six task dimensions are used."""
 
     vx: bool = True
@@ -153,7 +147,7 @@ class TaskSpace(_Pascal):
     wz: bool = True
 
 
-class ConfiguredJointLimits(_Pascal):
+class ConfiguredJointLimits(PascalMessage):
     max_position: CrfVector
     min_position: CrfVector
     max_velocity: CrfVector
@@ -161,19 +155,19 @@ class ConfiguredJointLimits(_Pascal):
     max_torque: CrfVector
 
 
-class ConfiguredTaskLimits(_Pascal):
+class ConfiguredTaskLimits(PascalMessage):
     max_velocity: CrfVec6
     max_acceleration: CrfVec6
 
 
-class ProfileParameters(_Pascal):
+class ProfileParameters(PascalMessage):
     joint_velocities: CrfVector
     joint_accelerations: CrfVector
     task_velocity: CrfVec6
     task_acceleration: CrfVec6
 
 
-class RobotConfiguration(_Pascal):
+class RobotConfiguration(PascalMessage):
     """The answer to ``getConfiguration``: what concerns clients, without addresses and gains."""
 
     joint_space_degree_of_freedom: Annotated[int, Field(ge=1)]
@@ -194,77 +188,6 @@ class RobotConfiguration(_Pascal):
             if len(value) != joints:
                 raise ValueError(f"{name} has {len(value)} numbers, the robot {joints} joints")
         return self
-
-
-class StopConditions(_Pascal):
-    """``None`` leaves a condition as it is."""
-
-    stop_on_low_manipulability: bool | None = None
-    stop_on_tolerance_violation: bool | None = None
-    stop_on_computation_time_violation: bool | None = None
-    stop_on_workspace_violation: bool | None = None
-
-
-class DesiredJointPosition(_Pascal):
-    """NaN leaves a joint free."""
-
-    attraction_position: CrfVector
-
-
-class Objective(Message):
-    """An objective function: switched with ``enable`` (blended over ``blend`` seconds), weighted by ``c``, shaped by
-    ``p``. ``None`` leaves a value as it is."""
-
-    enable: bool | None = None
-    c: Annotated[float, Field(ge=0)] | None = None
-    p: Annotated[float, Field(ge=0)] | None = None
-    blend: Annotated[float, Field(ge=0, le=60)] | None = None
-
-
-class SphereObjective(Objective):
-    """Keeps the arm out of a sphere given in the base frame, metres."""
-
-    center: Vec3 | None = None
-    radius: Annotated[float, Field(gt=0)] | None = None
-
-
-class ObjectiveFunctions(_Pascal):
-    joint_limits: Objective | None = None
-    desired_joint_positions: Objective | None = None
-    manipulability: Objective | None = None
-    collision_avoidance_sphere: Annotated[tuple[SphereObjective, ...], Strict(False)] | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_sphere(cls, value: Any) -> Any:
-        one = value.get("CollisionAvoidanceSphere") if isinstance(value, dict) else None
-        return {**value, "CollisionAvoidanceSphere": [one]} if isinstance(one, dict) else value
-
-
-class ControllerParameters(_Pascal):
-    stop_conditions: StopConditions | None = None
-    desired_joint_position: DesiredJointPosition | None = None
-    update_joints_initial_position: Numbers | None = None
-    objective_functions: ObjectiveFunctions | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _conditions_one_level_up(cls, value: Any) -> Any:
-        """CRF looks for the conditions in ``StopConditions`` and reads them beside it; both places are taken."""
-        if not isinstance(value, dict):
-            return value
-        flags = {key: flag for key, flag in value.items() if isinstance(key, str) and key.startswith("StopOn")}
-        if not flags:
-            return value
-        inner = value.get("StopConditions", {})
-        rest = {key: item for key, item in value.items() if key not in flags}
-        return {**rest, "StopConditions": {**flags, **inner} if isinstance(inner, dict) else inner}
-
-
-class Parameters(_Pascal):
-    """The ``data`` of ``setParameters``."""
-
-    controller: ControllerParameters
 
 
 # -- on the bus -------------------------------------------------------------------------------------------------------

@@ -15,13 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from rackhand.schemas import crf_requests as crf
 from rackhand.schemas.codec import Codec
+from rackhand.schemas.crf_parameters import Parameters
 from rackhand.schemas.motion import (
     ArmCommand,
     ArmState,
     Expected,
     FencingToken,
     MotionStatus,
-    Parameters,
     RobotConfiguration,
     TaskSpace,
 )

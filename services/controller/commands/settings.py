@@ -9,7 +9,8 @@ from pydantic import ValidationError
 
 from rackhand.schemas import crf_requests as crf
 from rackhand.schemas.codec import explain
-from rackhand.schemas.motion import Parameters, RobotConfiguration
+from rackhand.schemas.crf_parameters import Parameters
+from rackhand.schemas.motion import RobotConfiguration
 from rackhand.services.controller.arm_control import ArmControl
 from rackhand.services.controller.commands.spec import CommandSpec, GrantedCommand, OnArm, Result
 from rackhand.services.controller.motion.parameters import ParametersRefused

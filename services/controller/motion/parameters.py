@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rackhand.schemas.crf import CrfCode
-from rackhand.schemas.motion import (
+from rackhand.schemas.crf_parameters import (
     ControllerParameters,
     Objective,
     ObjectiveFunctions,
