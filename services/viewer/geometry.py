@@ -15,18 +15,20 @@ from rackhand.services.viewer.items import MAP, Drawing
 STILL_BODY = "world"  # of the scene: static objects
 FLOOR_MARGIN = 0.5  # m that an endless floor is drawn beyond everything on it
 FLOOR_THICKNESS = 0.02
+HALL_GAP = 8.0  # m without anything static, along x or y, between one hall and the next: the floors of a building
 
 Archetype = rr.AsComponents
 Bounds = NDArray[np.float64]
 Group = tuple[str, str]  # body, kind of shape
+NO_HALL: Bounds = np.array([[-5.0, -5.0, 0.0], [5.0, 5.0, 0.0]])
 
 
 def grouped(scene: Scene) -> dict[Group, tuple[SceneGeom, ...]]:
-    """The geometry by body and kind of shape. An endless floor becomes a slab."""
+    """The geometry by body and kind of shape. An endless floor becomes a slab for each hall."""
     groups: dict[Group, list[SceneGeom]] = defaultdict(list)
     for geom in scene.geoms:
-        shown = _floor(scene, geom) if geom.shape == "plane" else geom
-        groups[shown.body, shown.shape].append(shown)
+        for shown in _slabs(scene, geom) if geom.shape == "plane" else (geom,):
+            groups[shown.body, shown.shape].append(shown)
     return {group: tuple(geoms) for group, geoms in groups.items()}
 
 
@@ -40,13 +42,22 @@ def draw(group: Group, geoms: Sequence[SceneGeom]) -> Drawing:
     return Drawing(f"scene/{body}/{shape}", (_SHAPES[shape](geoms),), frame=frame, static=True)
 
 
-def bounds(scene: Scene) -> Bounds | None:
-    """Lowest and highest corner (2, 3) of all static objects but the floor; None where nothing does."""
+def halls(scene: Scene) -> list[Bounds]:
+    """Lowest and highest corner (2, 3) of the static objects of each hall, but for the floor; fullest hall first."""
     still = [geom for geom in scene.geoms if geom.body == STILL_BODY and geom.shape != "plane"]
     if not still:
-        return None
+        return []
     corners = np.array([_corners(geom) for geom in still])
-    return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+    groups = [group for along_x in _split(corners, 0) for group in _split(along_x, 1)]
+    groups.sort(key=len, reverse=True)
+    return [np.array([group[:, 0].min(axis=0), group[:, 1].max(axis=0)]) for group in groups]
+
+
+def _split(corners: NDArray[np.float64], axis: int) -> list[NDArray[np.float64]]:
+    """The boxes (n, 2, 3) in parts, where nothing is for ``HALL_GAP`` along the axis."""
+    ordered = corners[np.argsort(corners[:, 0, axis])]
+    ends = np.maximum.accumulate(ordered[:, 1, axis])
+    return np.split(ordered, np.nonzero(ordered[1:, 0, axis] - ends[:-1] > HALL_GAP)[0] + 1)
 
 
 def rotation_matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -80,10 +91,13 @@ def _half_extent(geom: SceneGeom) -> tuple[float, float, float]:
             return geom.size
 
 
-def _floor(scene: Scene, plane: SceneGeom) -> SceneGeom:
-    """A slab whose top is the plane z = 0, under all static objects."""
-    found = bounds(scene)
-    low, high = found if found is not None else np.array([[-5.0, -5.0, 0.0], [5.0, 5.0, 0.0]])
+def _slabs(scene: Scene, plane: SceneGeom) -> list[SceneGeom]:
+    """Slabs whose tops are the plane z = 0, under all static objects."""
+    return [_slab(bounds, plane) for bounds in halls(scene) or [NO_HALL]]
+
+
+def _slab(bounds: Bounds, plane: SceneGeom) -> SceneGeom:
+    low, high = bounds
     middle, half = (low + high) / 2, (high - low) / 2 + FLOOR_MARGIN
     return SceneGeom(
         body=STILL_BODY,

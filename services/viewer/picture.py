@@ -95,7 +95,7 @@ def newest_topics() -> dict[Topic[Any], int]:
 
 @dataclass(frozen=True)
 class RobotSet:
-    """The robots that are drawn, the base of each arm, the lifts, and the lowest and highest corner of the building."""
+    """The robots that are drawn, the base of each arm, the lifts, and the lowest and highest corner of the hall."""
 
     chassis: tuple[str, ...] = ()
     arms: tuple[str, ...] = ()

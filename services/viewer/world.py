@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from rackhand.schemas.world import Clock, Objects, Scene, SceneGeom
-from rackhand.services.viewer.geometry import Bounds, Group, bounds, draw, grouped, is_same
+from rackhand.services.viewer.geometry import Bounds, Group, draw, grouped, halls, is_same
 from rackhand.services.viewer.items import BUS_LOG, Item, Note, Pose
 
 
@@ -23,7 +23,7 @@ class WorldView:
     def scene(self, scene: Scene) -> Iterable[Item]:
         """Removed bodies are drawn empty: static items cannot be cleared."""
         groups = grouped(scene)
-        self.bounds = bounds(scene)
+        self.bounds = next(iter(halls(scene)), None)
         for group in {**groups, **self._drawn}:
             geoms = groups.get(group, ())
             if not is_same(geoms, self._drawn.get(group)):

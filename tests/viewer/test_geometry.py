@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rackhand.schemas.world import Scene, SceneGeom
-from rackhand.services.viewer.geometry import bounds, draw, grouped, quaternions_xyzw, rotation_matrices
+from rackhand.services.viewer.geometry import draw, grouped, halls, quaternions_xyzw, rotation_matrices
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 WHITE = np.ones(4, dtype=np.float32)
@@ -45,8 +45,23 @@ def test_an_endless_floor_is_a_slab_under_everything_with_its_top_at_zero() -> N
 
 def test_bounds_know_how_shapes_lie() -> None:
     lying = geom("cylinder", (0.1, 2.0, 0.0), (1.0, 0.0, 0.1), about(0, math.pi / 2))
-    found = bounds(Scene(stamp=0, geoms=(lying, geom("box", (9, 9, 9), body="amr1"))))
+    (found,) = halls(Scene(stamp=0, geoms=(lying, geom("box", (9, 9, 9), body="amr1"))))
     assert found == pytest.approx(np.array([[0.9, -2.0, 0.0], [1.1, 2.0, 0.2]]))
+
+
+def test_each_hall_has_its_bounds_and_its_floor_and_the_fullest_is_first() -> None:
+    far = geom("box", (1, 1, 0.5), (45, 0, 0.5))
+    near = [geom("box", (1, 1, 0.5), (x, y, 0.5)) for x, y in ((0, 0), (8, 0), (8, 9))]
+    scene = Scene(stamp=0, geoms=(far, *near, geom("plane", (0, 0, 1))))
+    assert np.array(halls(scene))[:, :, :2].tolist() == [[[-1, -1], [9, 10]], [[44, -1], [46, 1]]]
+    slabs = [shape for shape in grouped(scene)["world", "box"] if shape.position[2] < 0]
+    assert [slab.position[0] for slab in slabs] == [4.0, 45.0]
+
+
+def test_no_hall_has_no_bounds_and_a_floor() -> None:
+    scene = Scene(stamp=0, geoms=(geom("plane", (0, 0, 1)),))
+    assert halls(scene) == []
+    assert len(grouped(scene)["world", "box"]) == 1
 
 
 def test_a_capsule_begins_where_its_lower_half_does() -> None:
