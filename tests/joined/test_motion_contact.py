@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.contact import hit, seeded_spots
 from rackhand.schemas.base import Pose2
 from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.crf_contact import Contact
@@ -80,6 +81,14 @@ def test_a_crate_in_the_way_stops_the_arm_and_nothing_moves_when_it_goes(
     assert station.status().get("contact") is None, "of the last motion"
     assert abs(station.advance(8.0)[-1].q[0] - arm.home[0] - AWAY) < 1e-3, "a new command drives on"
     assert len(contacts(station)) == 1
+
+
+def test_an_arm_that_slides_along_a_crate_comes_to_rest(either: Either) -> None:
+    """At full speed the tool is driven off sideways, and what stops it must not lead it on."""
+    station, arm = either
+    met = hit(station, arm.name, 1.0, seeded_spots()[4])
+    assert met.stopped and met.time < 0.8 and met.goes_on, met
+    assert met.moved < 5e-3, met
 
 
 def test_without_the_stop_condition_it_presses_with_a_bounded_torque(either: Either) -> None:

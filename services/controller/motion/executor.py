@@ -166,9 +166,13 @@ class MotionExecutor:
         called before a tick, unless a path is being planned from where the arm is held."""
         if self._settles is None or not self.standing:
             return
-        if np.abs(np.array(state.q) - self.q).max() > self._settles:
-            self._set_measured(state)
-            self._brake(hard=True)
+        off, speed = np.array(state.q) - self.q, np.array(state.dq)
+        is_off = np.abs(off) > self._settles
+        if is_off.any():
+            # What is driven off is held back first: a position that goes along would lead it on.
+            if not (is_off & (off * speed > 0.0) & (np.abs(speed) > STILL)).any():
+                self._set_measured(state)
+                self._brake(hard=True)
         elif np.abs(state.dq).max() < STILL:
             self._still += self.period
             if self._still >= SETTLED_TIME:

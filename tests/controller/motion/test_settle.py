@@ -50,14 +50,24 @@ def test_an_arm_that_springs_back_is_held_where_it_comes_to_rest() -> None:
     assert np.allclose(held, 0.025, atol=1e-3)
 
 
-def test_it_is_stopped_within_its_limits_not_followed() -> None:
+def test_what_springs_back_is_stopped_within_its_limits_not_followed() -> None:
     """Were the command to go along with what moves, nothing would brake it."""
     arm = Stopped(contact=True)
     for k in range(10):
-        arm.tick(0.05 + 0.002 * k, 0.5)
+        arm.tick(0.05 - 0.002 * k, -0.5)
     speeds = np.diff(arm.commanded, axis=0) / DT
     assert np.abs(speeds[1:]).max() < 0.5 and np.abs(speeds[-1]).max() < np.abs(speeds[1]).max()
     assert (np.abs(np.diff(speeds[1:], axis=0)) / DT <= UR5E.limits.acceleration * 1.01).all()
+
+
+def test_what_is_driven_off_is_held_back_and_held_where_it_comes_to_rest() -> None:
+    """A tool that slides along what it touches would be led on by a position that goes along with it."""
+    arm = Stopped(contact=True)
+    for k in range(25):
+        assert np.allclose(arm.tick(0.02 + 0.002 * k, 0.5), 0.0)
+    for _ in range(10):
+        held = arm.tick(0.07)
+    assert np.allclose(held, 0.07, atol=1e-9)
 
 
 def test_once_settled_it_holds_against_what_pushes() -> None:
