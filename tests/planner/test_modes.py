@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
@@ -225,7 +226,8 @@ def test_remote_driving_is_limited_and_dies(cell: Cell) -> None:
     cell.ask(SetControlMode(control_mode="remote"))
     cell.ask(remote(5.0, -9.0))
     commands = [cell.tick().twist for _ in range(12)]  # 480 ms
-    assert commands[0].linear == pytest.approx(0.5 * 0.04)
+    assert commands[0].linear == pytest.approx(0.5 * 0.04 * 0.04 / 0.2), "the acceleration builds up in 0.2 s"
+    assert max(np.diff([c.linear for c in commands])) == pytest.approx(0.5 * 0.04)
     assert [c.linear for c in commands] == sorted(c.linear for c in commands)
     assert min(c.angular for c in commands) == pytest.approx(-12 * 1.5 * 0.04), "the tighter of both limits"
     after = [cell.tick().twist for _ in range(12)]
