@@ -186,7 +186,7 @@ class SharedArm(RuleBasedStateMachine):
 # A run drives the controller for seconds, so they are fewer than of the machine alone.
 ASKED = os.environ.get("RACKHAND_FUZZ_EXAMPLES")
 SharedArm.TestCase.settings = settings(
-    max_examples=int(ASKED or (80 if os.environ.get("CI") else 40)),
+    max_examples=int(ASKED or 40),
     stateful_step_count=20,
     deadline=None,
     derandomize=ASKED is None,

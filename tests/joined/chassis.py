@@ -50,8 +50,8 @@ class JoinedChassis:
 
     service, period_ns = "planner", PERIOD_NS
 
-    def __init__(self, world: JoinedWorld, name: str, folder: Path) -> None:
-        self.world, self.name = world, name
+    def __init__(self, world: JoinedWorld, name: str, folder: Path, navigation: NavigationSettings) -> None:
+        self.world, self.name, self._navigation = world, name, navigation
         self.published: list[tuple[Topic[Any], Message]] = []
         self.commands: list[ChassisCommand] = []
         self.odometry: list[Odometry] = []
@@ -66,7 +66,7 @@ class JoinedChassis:
         self.core = self._new_core(moves, maps)
 
     def _new_core(self, moves: MoveStore, maps: MapStore) -> Chassis:
-        motion = Motion(NavigationSettings(), self._planning)
+        motion = Motion(self._navigation, self._planning)
         explanations = ExplanationStore(self._database)
         return Chassis(
             motion,

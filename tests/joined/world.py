@@ -19,6 +19,7 @@ from typing import TypeVar
 from rackhand.schemas.base import NANOSECONDS, Message, Pose2
 from rackhand.schemas.lift import LiftRequest, LiftState
 from rackhand.schemas.world import Advance, Inspect, Join, ObjectPose, Pause, Reset, WorldReply, WorldRequest
+from rackhand.services.planner.settings import NavigationSettings
 from rackhand.services.sim.chassis.noise import NoiseSettings
 from rackhand.services.sim.pacing import Pacer
 from rackhand.services.sim.session import Run, Session
@@ -38,7 +39,7 @@ class JoinedWorld:
     """A paused world with a planner core for each chassis and a controller core for each arm.
 
     ``world`` is a name, a folder or a world; ``with_arms`` and ``with_chassis`` leave cores out whose robots a test
-    does not need.
+    does not need. ``navigation``: of the planners.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class JoinedWorld:
         noise: NoiseSettings | None = None,
         with_chassis: bool = True,
         with_arms: bool = True,
+        navigation: NavigationSettings | None = None,
     ) -> None:
         loaded = load_world(world) if isinstance(world, str) else world
         if not with_arms:
@@ -66,7 +68,10 @@ class JoinedWorld:
         )
         self._chassis = {}
         if with_chassis:
-            self._chassis = {name: JoinedChassis(self, name, folder) for name in self.simulation.robots}
+            self._chassis = {
+                name: JoinedChassis(self, name, folder, navigation or NavigationSettings())
+                for name in self.simulation.robots
+            }
         self._arms = {name: JoinedArm(self, name, loaded.arms[name].kind) for name in self.simulation.arms}
         self._begin()
 
