@@ -12,14 +12,7 @@ settings.load_profile("rackhand")
 
 
 # Files with the longest tests of processes. Two workers take whole files: what begins last should be short.
-LONGEST_FIRST = (
-    "test_scenarios.py",
-    "test_demo.py",
-    "test_readme.py",
-    "test_viewer.py",
-    "test_lockstep.py",
-    "test_examples.py",
-)
+LONGEST_FIRST = ("scenarios", "demo", "readme", "viewer", "lockstep", "examples")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
