@@ -66,9 +66,10 @@ def with_own_driver(world: str, rate: int, seconds: float) -> tuple[list[float],
     """Latencies [s] (inf: never answered), bare round trips [s], and rows of the second table."""
     with tempfile.TemporaryDirectory() as folder, MotionCell(Path(folder), world, rate) as cell, Driver(cell) as driver:
         client = Client(cell.http)
-        client.wait_until_answered(driver)
-        client.drive_for(TURNS * seconds + 5.0, driver)
-        with BareEcho(cell.bus, *driver.sizes()) as bare:
+        # Its process is there before the path is driven: a driver that is silent for so long would end that.
+        with BareEcho(cell.bus, *Driver.sizes_of(cell.joints)) as bare:
+            client.wait_until_answered(driver)
+            client.drive_for(TURNS * seconds + 5.0, driver)
             for _ in range(TURNS):
                 bare.ping_for(seconds, 1.0 / rate)
                 driver.run_for(seconds, record=True)
