@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from rackhand.services.launch.api_connection import ApiConnection, NoAnswer, NotInTime
+from rackhand.services.launch.api_connection import ApiConnection, Json, NoAnswer, NotInTime
 
-Json = dict[str, Any]
 PLANNING_STATE = "/planning_state"
 FRAME_PATIENCE = 10.0  # s of wall time for a frame that must come
 

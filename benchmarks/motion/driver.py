@@ -109,9 +109,6 @@ class Driver:
     def position(self) -> tuple[float, ...]:
         return self._q
 
-    def sizes(self) -> tuple[int, int]:
-        return self.sizes_of(len(self._q))
-
     @staticmethod
     def sizes_of(joints: int) -> tuple[int, int]:
         """Bytes of a state and of a command."""

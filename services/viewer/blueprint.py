@@ -8,11 +8,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from rackhand.services.viewer.geometry import rotation_matrices
+from rackhand.services.viewer.geometry import EMPTY_HALL, rotation_matrices
 from rackhand.services.viewer.items import BUS_LOG, MAP, TIMELINE
 from rackhand.services.viewer.picture import RobotSet
 
-EMPTY_HALL = ((-5.0, -5.0, 0.0), (5.0, 5.0, 1.0))
 PLOT_SECONDS = 60.0
 _LEGEND = rrb.PlotLegend(corner="lefttop")
 _WINDOW = rrb.VisibleTimeRange(

@@ -20,7 +20,7 @@ HALL_GAP = 8.0  # m without anything static, along x or y, between one hall and 
 Archetype = rr.AsComponents
 Bounds = NDArray[np.float64]
 Group = tuple[str, str]  # body, kind of shape
-NO_HALL: Bounds = np.array([[-5.0, -5.0, 0.0], [5.0, 5.0, 0.0]])
+EMPTY_HALL = ((-5.0, -5.0, 0.0), (5.0, 5.0, 1.0))  # where nothing static says how large it is
 
 
 def grouped(scene: Scene) -> dict[Group, tuple[SceneGeom, ...]]:
@@ -93,7 +93,7 @@ def _half_extent(geom: SceneGeom) -> tuple[float, float, float]:
 
 def _slabs(scene: Scene, plane: SceneGeom) -> list[SceneGeom]:
     """Slabs whose tops are the plane z = 0, under all static objects."""
-    return [_slab(bounds, plane) for bounds in halls(scene) or [NO_HALL]]
+    return [_slab(bounds, plane) for bounds in halls(scene) or [np.array(EMPTY_HALL)]]
 
 
 def _slab(bounds: Bounds, plane: SceneGeom) -> SceneGeom:

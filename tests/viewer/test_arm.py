@@ -7,7 +7,8 @@ import pytest
 
 from rackhand.schemas.motion import ArmModel, ControlInfo, Gripper, Holder, MotionEvent, MotionPath
 from rackhand.services.viewer.arm import ArmView
-from rackhand.services.viewer.blueprint import EMPTY_HALL, blueprint, shown
+from rackhand.services.viewer.blueprint import blueprint, shown
+from rackhand.services.viewer.geometry import EMPTY_HALL
 from rackhand.services.viewer.items import Drawing, Note, Pose, Row
 from rackhand.services.viewer.picture import RobotSet
 from tests.viewer.test_service import UPRIGHT, arm_status, diagnostics

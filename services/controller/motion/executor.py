@@ -168,12 +168,12 @@ class MotionExecutor:
             return
         off, speed = np.array(state.q) - self.q, np.array(state.dq)
         is_off = np.abs(off) > self._settles
-        if is_off.any():
-            # What is driven off is held back first: a position that goes along would lead it on.
-            if not (is_off & (off * speed > 0.0) & (np.abs(speed) > STILL)).any():
-                self._set_measured(state)
-                self._brake(hard=True)
-        elif np.abs(state.dq).max() < STILL:
+        # What is driven off is held back first: a position that goes along would lead it on.
+        is_driven_off = is_off & (off * speed > 0.0) & (np.abs(speed) > STILL)
+        if is_off.any() and not is_driven_off.any():
+            self._set_measured(state)
+            self._brake(hard=True)
+        elif np.abs(speed).max() < STILL:
             self._still += self.period
             if self._still >= SETTLED_TIME:
                 self._settles = None
