@@ -227,9 +227,10 @@ def narrow_place(costmap: LocalCostmap, no_path: NoPathFound) -> Evidence:
         return Evidence()
     thing = thing_at(costmap, tight.blocked_x, tight.blocked_y)
     middle = Pose2(x=tight.x, y=tight.y, yaw=0.0)
-    thing = thing.model_copy(update={"clearance": round(tight.radius, 3), "needed": no_path.needed, "at": middle})
+    radius, needed = round(tight.radius, 3), round(no_path.needed, 3)
+    thing = thing.model_copy(update={"clearance": radius, "needed": needed, "at": middle})
     what = "inscribed" if no_path.kind == "disconnected" else "circumscribed"
-    room = Measure(name=f"room for the {what} circle", value=round(tight.radius, 3), expected=no_path.needed, unit="m")
+    room = Measure(name=f"room for the {what} circle", value=radius, expected=needed, unit="m")
     return Evidence(things=(thing,), measures=(room,))
 
 
