@@ -106,7 +106,8 @@ class Context:
     def request_plan(self, request: PlanRequest) -> None:
         """Ask for a plan on the map and what is observed on it now; ``plans.collect()`` has the answer, a tick later at
         the earliest."""
-        scene = PlanningScene(self.costmap.static, self.costmap.observed_cells(), self.footprint, self.settings)
+        observed = self.costmap.observed_cells(request.seen_within)
+        scene = PlanningScene(self.costmap.static, observed, self.footprint, self.settings)
         self.plans.submit(request, scene)
 
 

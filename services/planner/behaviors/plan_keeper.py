@@ -21,6 +21,7 @@ from rackhand.services.planner.planning.worker import PlanRequest
 SAME_OBSTACLE = 0.5  # m between what blocks the route and what moved lately, to take them for the same
 PUSHED = 0.1  # m off the route after a hold, from which on it is replanned
 WORTH_IMPROVING = 1.5  # m of route left, below which no better one is looked for
+RECENTLY = 5.0  # s before there was no path: what was seen since is not doubted
 PLAN_ON = 20.0  # m of planned route left, before a rough guide, from which on the next part is planned
 _REASONS = {
     "disconnected": MoveFailReason.CALCULATION_FAILED,
@@ -32,7 +33,9 @@ _REASONS = {
 class PlanKeeper:
     """``route`` is the one to follow, None before the first plan. ``free``: metres of it ahead without an obstacle.
 
-    A blocked, left or improvable route is followed on until the worker has another one.
+    A blocked, left or improvable route is followed on until the worker has another one. Where what was observed closes
+    every path, what was not seen lately may have been taken away: the route then leads through it, the chassis looks at
+    it from near, and it is there again as soon as it is seen. So each place is looked at once before there is no path.
     """
 
     def __init__(self, target: Target) -> None:
@@ -47,6 +50,7 @@ class PlanKeeper:
         self._no_path: NoPathFound | None = None
         self._failed = False
         self._no_path_since: int | None = None
+        self._doubt_before: int | None = None
         self._path_on_static_map = False
 
     @property
@@ -55,11 +59,20 @@ class PlanKeeper:
         return self._blocked_since is not None
 
     def request(
-        self, ctx: Context, *, better_than: float = math.inf, tight: bool = False, static_only: bool = False
+        self,
+        ctx: Context,
+        *,
+        better_than: float = math.inf,
+        tight: bool = False,
+        static_only: bool = False,
+        seen_within: float = math.inf,
     ) -> None:
-        """Ask for a plan from here. It replaces the route if it is shorter than ``better_than`` metres."""
+        """Ask for a plan from here. It replaces the route if it is shorter than ``better_than`` metres.
+
+        ``seen_within``: seconds; through obstacles that were not seen since.
+        """
         self._requested_at, self._better_than = ctx.stamp, better_than
-        ctx.request_plan(PlanRequest(ctx.pose.copy(), self._target, static_only, tight))
+        ctx.request_plan(PlanRequest(ctx.pose.copy(), self._target, static_only, tight, seen_within=seen_within))
 
     def take_no_path(self) -> bool:
         """Whether there is no path to what was aimed at; once for each answer of the planner."""
@@ -109,7 +122,8 @@ class PlanKeeper:
         if answer.request.static_only:
             self._path_on_static_map = True
             return False
-        self._no_path = self._no_path_since = None
+        if not _doubts(answer.request):
+            self._no_path = self._no_path_since = self._doubt_before = None
         plan = answer.plan
         if plan is None or plan.length >= self._better_than:
             return False
@@ -123,11 +137,21 @@ class PlanKeeper:
     def _note_no_path(self, ctx: Context, request: PlanRequest, no_path: NoPathFound) -> None:
         if request.static_only:
             raise MoveFailed(_REASONS[no_path.kind], no_path.text, narrow_place(ctx.costmap, no_path))
-        self._no_path, self._failed = no_path, True
+        if _doubts(request):
+            self._failed = True
+            return
+        self._no_path = no_path
         if self._no_path_since is None:
             self._no_path_since = ctx.stamp
+        if self._doubt_before is None:
+            self._doubt_before = ctx.stamp - round(RECENTLY * NANOSECONDS)
         if not self.plans and not self._path_on_static_map:  # the map alone shows whether waiting can help
+            self._failed = True
             self.request(ctx, static_only=True)
+        elif _leaves_out(ctx.costmap, within := (ctx.stamp - self._doubt_before) / NANOSECONDS):
+            self.request(ctx, better_than=self._better_than, tight=request.tight, seen_within=within)
+        else:
+            self._failed = True
 
     def _watch(self, ctx: Context, route: Route) -> None:
         """Where on the route the chassis is, and whether it is free ahead."""
@@ -178,6 +202,15 @@ class PlanKeeper:
             )
 
 
+def _doubts(request: PlanRequest) -> bool:
+    return math.isfinite(request.seen_within)
+
+
+def _leaves_out(costmap: LocalCostmap, seen_within: float) -> bool:
+    """Whether an obstacle is remembered that was not seen in that many seconds."""
+    return len(costmap.observed_cells(seen_within)) < len(costmap.observed_cells())
+
+
 def _begins_here(route: Route, ctx: Context) -> bool:
     """Whether the chassis, which may have driven on while this was planned, is still on it."""
     route.current.update(ctx.pose)
@@ -194,9 +227,10 @@ def narrow_place(costmap: LocalCostmap, no_path: NoPathFound) -> Evidence:
         return Evidence()
     thing = thing_at(costmap, tight.blocked_x, tight.blocked_y)
     middle = Pose2(x=tight.x, y=tight.y, yaw=0.0)
-    thing = thing.model_copy(update={"clearance": round(tight.radius, 3), "needed": no_path.needed, "at": middle})
+    radius, needed = round(tight.radius, 3), round(no_path.needed, 3)
+    thing = thing.model_copy(update={"clearance": radius, "needed": needed, "at": middle})
     what = "inscribed" if no_path.kind == "disconnected" else "circumscribed"
-    room = Measure(name=f"room for the {what} circle", value=round(tight.radius, 3), expected=no_path.needed, unit="m")
+    room = Measure(name=f"room for the {what} circle", value=radius, expected=needed, unit="m")
     return Evidence(things=(thing,), measures=(room,))
 
 

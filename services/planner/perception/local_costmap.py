@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rackhand.schemas.base import NANOSECONDS
 from rackhand.schemas.chassis import Scan
 from rackhand.schemas.maps import PointType
 from rackhand.schemas.racks import RackSpec
@@ -48,6 +49,7 @@ class LocalCostmap:
         self.racks = RackTracker(static.geometry, settings)
         self.rack_points, self._rack_places = RackPoints(static, settings), _rack_places(static)
         self._velocities: Array = np.empty((0, 2))
+        self._stamp = 0
         self.settings = settings
         self._cells: Array = np.empty((0, 2))
         self._standing: Mask = static.blocked
@@ -77,6 +79,7 @@ class LocalCostmap:
     ) -> None:
         """Take a scan that was seen with the chassis at that pose. ``specs``: the kinds of racks, if not those of the
         settings."""
+        self._stamp = scan.stamp
         self.observed.integrate(scan, chassis, footprint.edges)
         sensor = compose(chassis, as_pose(scan.sensor))
         self._velocities = self.movers.update(self.observed, sensor[:2], scan.stamp)
@@ -128,16 +131,19 @@ class LocalCostmap:
         opened._unplanned = (*self._unplanned, polygon)
         return opened
 
-    def observed_cells(self) -> NDArray[np.int64]:
-        """Flat indices of the cells of the whole map that hold an observed obstacle; what moves will be elsewhere."""
+    def observed_cells(self, within: float = math.inf) -> NDArray[np.int64]:
+        """Flat indices of the cells of the whole map that hold an observed obstacle; what moves will be elsewhere.
+
+        ``within``: seconds; obstacles that were not seen since are left out.
+        """
         g = self.static.geometry
-        rows, columns = self.observed.cells()
+        rows, columns = self.observed.cells(within)
         kept = np.ones(len(rows), dtype=np.bool_)
         for mover in self.movers.moving:
             row, column = g.cell(mover.position[0], mover.position[1])
             reach = math.ceil((mover.radius + MOVER_SHADOW) / g.resolution)
             kept &= (np.abs(rows - row) > reach) | (np.abs(columns - column) > reach)
-        outlines = self.racks.blocking
+        outlines = [rack for rack in self.racks.blocking if self._stamp - rack.stamp <= within * NANOSECONDS]
         for polygon in self._unplanned:
             outlines = _outside(polygon, outlines)
         flat: NDArray[np.int64] = np.concatenate(

@@ -148,14 +148,17 @@ class ObservedObstacles:
         inside = ((cells >= 0) & (cells < (g.columns, g.rows))).all(axis=1)
         return cells[inside, 1], cells[inside, 0]
 
-    def cells(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows and columns of all cells with an observed obstacle. Costs time by what was observed, not by the map."""
+    def cells(self, within: float = math.inf) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns of all cells with an observed obstacle that a beam met in the last ``within`` seconds. Costs
+        time by what was observed, not by the map."""
+        since = self._scans - math.ceil(within / SCAN_PERIOD) if math.isfinite(within) else -1
         rows: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]
         columns = rows.copy()
         for i, j in np.argwhere(self._tiles):
             window = (slice(i * TILE, (i + 1) * TILE), slice(j * TILE, (j + 1) * TILE))
-            r, c = np.nonzero(self.occupied(window))
-            self._tiles[i, j] = len(r) > 0
+            occupied = self.occupied(window)
+            self._tiles[i, j] = occupied.any()
+            r, c = np.nonzero(occupied & (self._evidence.touched[window] > since))
             rows.append(r + i * TILE)
             columns.append(c + j * TILE)
         return np.concatenate(rows), np.concatenate(columns)

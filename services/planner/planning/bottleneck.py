@@ -43,8 +43,9 @@ def bottleneck(
     """What keeps a disc of radius ``needed`` metres from driving from ``start`` to ``goal``.
 
     The widest way is found by halving: the largest radius at which both places are in one part of the free space. Ways
-    that leave the surroundings of start and goal are not looked at. None where the disc has a way, where a place is off
-    the map or has no room itself, or where there are too many cells.
+    that leave the surroundings of start and goal are not looked at. Where only one of the places themselves has less
+    room than the disc needs, that place is the answer. None where the disc has a way, where a place is off the map or
+    has no room at all, or where there are too many cells.
     """
     low, high = np.minimum(start, goal) - AROUND, np.maximum(start, goal) + AROUND
     window = g.window((low[0], low[1]), (high[0], high[1]))
@@ -60,13 +61,14 @@ def bottleneck(
     here, there = part.cell(*start), part.cell(*goal)
     walls = np.ascontiguousarray(blocked[window])
     room = distance_field(walls, g.resolution) - np.float32(0.5 * g.resolution)
-    needed = min(needed, float(room[here]), float(room[there]))
-    if needed <= 0.0:
+    narrower = here if room[here] < room[there] else there
+    at_ends = float(room[narrower])
+    if at_ends <= 0.0:
         return None
-    apart = _labels(room, needed)
+    apart = _labels(room, min(needed, at_ends))
     if apart[here] == apart[there]:
-        return None
-    passable, apart, radius = _widest(room, here, there, needed)
+        return _at(room, narrower, at_ends, part) if at_ends < needed else None
+    passable, apart, radius = _widest(room, here, there, min(needed, at_ends))
     return _tightest(room, apart, passable, (here, there), radius, part)
 
 
@@ -105,8 +107,14 @@ def _tightest(
     off_line = np.abs((r1 - r0) * (columns - c0) - (c1 - c0) * (rows - r0)) / length
     cost = np.where(between, (1.0 + FIRST) * from_start + to_goal + STRAIGHT * off_line, np.inf)
     row, column = np.unravel_index(int(cost.argmin()), room.shape)
-    x, y = g.centre(int(row), int(column))
-    blocked_x, blocked_y = _nearest_blocked(room, (int(row), int(column)), g)
+    return _at(room, (int(row), int(column)), radius, g)
+
+
+def _at(room: Field, cell: tuple[int, int], radius: float, g: Geometry) -> Bottleneck:
+    x, y = g.centre(*cell)
+    rows, columns = np.nonzero(room < 0.0)
+    k = int(np.hypot(rows - cell[0], columns - cell[1]).argmin())
+    blocked_x, blocked_y = g.centre(int(rows[k]), int(columns[k]))
     return Bottleneck(x, y, radius, blocked_x, blocked_y)
 
 
@@ -121,12 +129,6 @@ def _between(passable: Mask, start: Mask, goal: Mask) -> Mask:
     through[0] = False
     found: Mask = through[passages]
     return found if found.any() else passable
-
-
-def _nearest_blocked(room: Field, cell: tuple[int, int], g: Geometry) -> tuple[float, float]:
-    rows, columns = np.nonzero(room < 0.0)
-    k = int(np.hypot(rows - cell[0], columns - cell[1]).argmin())
-    return g.centre(int(rows[k]), int(columns[k]))
 
 
 def _labels(room: Field, radius: float) -> Labels:

@@ -7,6 +7,7 @@ finds it, while the chassis goes on with the plan it has.
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from threading import Event
@@ -29,7 +30,8 @@ from rackhand.services.planner.settings import NavigationSettings
 class PlanRequest:
     """``static_only``: leave out observed obstacles. ``tight``: search with the footprint at once. ``corridor``: what
     the chassis' origin must not leave. ``clear_around``: metres about the target within which observed obstacles are
-    left out, because they are the target itself."""
+    left out, because they are the target itself. ``seen_within``: seconds; observed obstacles that were not seen
+    since are left out."""
 
     start: Pose
     target: Target
@@ -37,6 +39,7 @@ class PlanRequest:
     tight: bool = False
     corridor: Corridor | None = None
     clear_around: float = 0.0
+    seen_within: float = math.inf
 
 
 @dataclass(frozen=True)

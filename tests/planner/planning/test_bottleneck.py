@@ -56,6 +56,17 @@ def test_a_wall_without_a_gap_is_named_where_it_is_crossed_on_the_straight_line(
     assert found.blocked_y == pytest.approx(2.0, abs=0.06)
 
 
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_place_beside_a_wall_is_the_bottleneck_itself_where_the_way_is_wide(swapped: bool) -> None:
+    beside = (4.0, 0.35)  # the wall ends at y = 0.05
+    ends = (beside, START) if swapped else (START, beside)
+    found = bottleneck(wall((1.0, 3.0)), G, *ends, 0.44)
+    assert found is not None
+    assert (found.x, found.y) == pytest.approx(beside, abs=0.03)
+    assert found.radius == pytest.approx(0.3, abs=0.03)
+    assert (found.blocked_x, found.blocked_y) == pytest.approx((4.0, 0.025), abs=0.03)
+
+
 def test_ends_without_room_have_none() -> None:
     blocked = wall()
     blocked[40, 20] = True
