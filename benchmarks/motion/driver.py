@@ -1,4 +1,4 @@
-"""A perfect arm as a driver of its own: states by the absolute clock, commands taken as they come.
+"""A perfect arm (``arm``) as a driver of its own: states by the absolute clock, commands taken as they come.
 
 Like a real robot it publishes neither a world's clock nor a presence. Its time is the number of states it has told, so
 that it may pause between two turns without anybody noticing.
@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.motion.arm import PerfectArm
 from rackhand.bus import Bus, Sample
 from rackhand.schemas import topics
 from rackhand.schemas.codec import codec_for
 from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken
 from rackhand.schemas.service import ServiceId
 from rackhand.services.controller.ik import Arm, load_arm
-from rackhand.services.controller.motion.disturbance import resting_efforts
 
 if TYPE_CHECKING:
     from benchmarks.motion.cell import MotionCell
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 ARM = "arm1"
 STATE_PERIOD = 0.002  # [s]
 _STATE_NS = 2_000_000
+STILL = 1e-6  # rad/s
 
 
 class Driver:
@@ -34,9 +36,8 @@ class Driver:
 
     def __init__(self, cell: MotionCell) -> None:
         self._bus = Bus(ServiceId("driver", ARM), cell.bus)
-        n = cell.joints
-        self._arm = arm_of(n)
-        self._q, self._dq, self._still = tuple(self._arm.home.tolist()), (0.0,) * n, (0.0,) * n
+        self._arm = PerfectArm(arm_of(cell.joints), STATE_PERIOD)
+        self._commanded: tuple[float, ...] = ()  # by the command in force
         self._stamp = 0
         self._newest = -1  # the stamp that the command in force answers
         self._told: dict[int, float] = {}  # stamp → when it was published, of those recorded
@@ -55,12 +56,8 @@ class Driver:
         self._bus.__exit__(kind, error, trace)
 
     @property
-    def is_answered(self) -> bool:
-        return self._newest >= 0
-
-    @property
     def stands(self) -> bool:
-        return not any(self._dq)
+        return bool(np.abs(self._arm.dq).max() < STILL)
 
     def run_for(self, seconds: float, record: bool = False) -> None:
         """Be there for so long. With ``record`` every state of this time counts, the last ones until their answer is
@@ -73,9 +70,10 @@ class Driver:
 
     def _tell(self, record: bool) -> None:
         self._stamp += _STATE_NS
-        # A controller that is told another torque than the arm's weight takes takes it for a contact.
-        efforts = tuple(resting_efforts(self._arm, np.array(self._q)).tolist())
-        state = ArmState(stamp=self._stamp, q=self._q, dq=self._dq, efforts=efforts, wrench=(0.0,) * 6)
+        arm = self._arm
+        arm.advance()
+        q, dq, efforts = (tuple(values.tolist()) for values in (arm.q, arm.dq, arm.efforts))
+        state = ArmState(stamp=self._stamp, q=q, dq=dq, efforts=efforts, wrench=(0.0,) * 6)
         if record:
             self._told[self._stamp] = time.perf_counter()
         self._states.put(state)
@@ -92,12 +90,10 @@ class Driver:
         self._answered.setdefault(command.answers, now)
         if command.mode != "position" or command.answers <= self._newest:
             return
-        gap = (command.answers - self._newest) * 1e-9
-        dq = tuple((new - old) / gap for new, old in zip(command.values, self._q, strict=True))
-        if self.moved is None and self._newest >= 0 and any(abs(v) > 1e-9 for v in dq):
+        if self.moved is None and _differ(command.values, self._commanded):
             self.moved = now
-        self._q, self._newest = tuple(command.values), command.answers
-        self._dq = dq if any(abs(v) > 1e-9 for v in dq) else self._still
+        self._commanded, self._newest = command.values, command.answers
+        self._arm.go_to(np.array(command.values), command.answers * 1e-9)
 
     def latencies(self, period: float) -> list[float]:
         """Seconds from state to command for the states that ask for one, the first of each period; inf if none came."""
@@ -107,7 +103,7 @@ class Driver:
 
     @property
     def position(self) -> tuple[float, ...]:
-        return self._q
+        return tuple(self._arm.q.tolist())
 
     @staticmethod
     def sizes_of(joints: int) -> tuple[int, int]:
@@ -117,6 +113,10 @@ class Driver:
         token = FencingToken(epoch="0123456789abcdef", lease=1)
         command = ArmCommand(answers=10**10, mode="position", values=values, token=token)
         return len(codec_for(ArmState).dumps(state)), len(codec_for(ArmCommand).dumps(command))
+
+
+def _differ(values: Sequence[float], before: Sequence[float]) -> bool:
+    return bool(before) and any(abs(new - old) > 1e-11 for new, old in zip(values, before, strict=True))
 
 
 def arm_of(joints: int) -> Arm:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import httpx
 
 from benchmarks.motion.driver import ARM, Driver
-from rackhand.services.controller.ik import load_arm
 
 START = 120.0  # [s] until the cell answers; the very first start compiles
+LEG = 0.3  # [s] of the path's legs, each of which ends with a turn, at least
+PATIENCE = 20.0  # [s] of the driver's time for a short motion to begin, and for the arm to come to rest
 
 
 class Client:
@@ -59,12 +61,16 @@ class Client:
         here = status["jointPositions"]["value"]
         there = [here[0] + 1.0, *(q + 0.2 for q in here[1:])]
         beside = [here[0] + 0.5, *(q - 0.2 for q in here[1:])]
-        speeds = load_arm("ur5e" if len(here) == 6 else "fr3").limits.velocity
-        slowest = 0.5 * 0.5 / float(speeds.min())  # [s] of a leg, at least
-        legs = [(there, beside)[i % 2] for i in range(max(4, round(seconds / slowest)))]
+        legs = [(there, beside)[i % 2] for i in range(max(4, round(seconds / LEG)))]
         reply = self.ask_while_running(driver, command="appendPath", type="joints", data=legs)
         if reply.get("message", {}).get("code") != 200:
             raise RuntimeError(f"the path is refused: {reply}")
+
+    def check_drives(self, driver: Driver | None = None) -> None:
+        """Raises ``RuntimeError`` if the path has ended, with the arm's status."""
+        status = self.ask_while_running(driver, command="getStatus")["message"]
+        if not status["isTrajectoryRunning"].get("value"):
+            raise RuntimeError(f"the path has ended before the measurement; status {status}")
 
 
 def first_motions(client: Client, driver: Driver, times: int) -> dict[str, list[float]]:
@@ -84,15 +90,35 @@ def first_motions(client: Client, driver: Driver, times: int) -> dict[str, list[
             driver.run_for(0.05 + 0.0007 * i)  # another phase of the period each time
             driver.moved, sent = None, time.perf_counter()
             reply = client.begin(**request)
-            while driver.moved is None or not reply.done():
-                driver.run_for(0.02)
-            found[name].append(driver.moved - sent)
+            found[name].append(_first_motion(driver, client, name, reply) - sent)
     return found
+
+
+def _first_motion(driver: Driver, client: Client, name: str, reply: Future[dict[str, Any]]) -> float:
+    """When [s, perf_counter] the commands first differed, after the answer too."""
+    _run_until(driver, lambda: driver.moved is not None and reply.done(), client, f"motion after {name}")
+    if driver.moved is None or reply.result()["message"].get("code") != 200:
+        raise RuntimeError(f"{name} is refused: {reply.result()}")
+    return driver.moved
 
 
 def _come_to_rest(client: Client, driver: Driver) -> None:
     client.ask_while_running(driver, command="softStop")
     still = 0
-    while still < 5:
-        driver.run_for(0.05)
+
+    def rests() -> bool:
+        nonlocal still
         still = still + 1 if driver.stands else 0
+        return still >= 10
+
+    _run_until(driver, rests, client, "standstill after softStop")
+
+
+def _run_until(driver: Driver, done: Callable[[], bool], client: Client, what: str) -> None:
+    """Lets the driver run. Raises ``TimeoutError`` with the arm's status."""
+    for _ in range(round(PATIENCE / 0.02)):
+        driver.run_for(0.02)
+        if done():
+            return
+    status = client.ask_while_running(driver, command="getStatus").get("message")
+    raise TimeoutError(f"{what}: not seen within {PATIENCE:g} s; status {status}")

@@ -122,6 +122,10 @@ class Controller:
             )
             self._outbox.output.events.append(MotionEvent(stamp=stamp, name="controlLost", to=to, info=info))
 
+    def measured(self, state: ArmState) -> None:
+        """Every state of the arm, in order, before the tick that may answer it."""
+        self._arm.contact.watch.take(state)
+
     def await_plan(self, seconds: float) -> None:
         """Waits for the plan under way, at most so long."""
         self._arm.await_plan(seconds)

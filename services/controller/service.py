@@ -43,6 +43,7 @@ class ControllerService:
         if len(state.q) != self._joints:
             raise ValueError(f"the driver reports {len(state.q)} joints, the arm has {self._joints}")
         self._state = state
+        self._controller.measured(state)
 
     def _disconnected(self, gone: SessionGone) -> None:
         self._controller.disconnected(gone.session)

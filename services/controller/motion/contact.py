@@ -35,11 +35,11 @@ class ContactBounds:
 
 
 class ContactWatch:
-    """Of one arm. ``see`` at every tick, of which there is one each ``period`` [s]."""
+    """Of one arm. ``take`` every state, ``see`` those at which there is a tick."""
 
-    def __init__(self, arm: ik.Arm, period: float, bounds: ContactBounds = ContactBounds()) -> None:
+    def __init__(self, arm: ik.Arm, bounds: ContactBounds = ContactBounds()) -> None:
         self.bounds = bounds
-        self._observer = DisturbanceObserver(arm, period)
+        self._observer = DisturbanceObserver(arm)
         self._torque_bound = bounds.torque * arm.limits.torque
         self.reset()
 
@@ -49,6 +49,10 @@ class ContactWatch:
         self._stamp: int | None = None
         self._usual = np.zeros(3)
         self._seen = 0
+
+    def take(self, state: ArmState) -> None:
+        """A state, also one between two ticks."""
+        self._observer.take(state)
 
     def see(self, state: ArmState, commanded: Array, rotation: Array, catching_up: bool = False) -> Contact | None:
         """What exceeds its bound most, as of ``state``, for whose stamp the joints ``commanded`` (n,) were sent.

@@ -18,7 +18,7 @@ class ContactReaction:
 
     def __init__(self, arm: ik.Arm, motion: MotionExecutor) -> None:
         self._motion = motion
-        self.watch = ContactWatch(arm, motion.period)
+        self.watch = ContactWatch(arm)
         self.reset()
 
     def reset(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from rackhand.schemas.arrays import Array
@@ -23,7 +24,7 @@ class Watched:
     """An arm at rest at home, whose motors carry its weight and what the tool does to the flange."""
 
     def __init__(self) -> None:
-        self.watch, self.stamp = ContactWatch(UR5E, PERIOD_NS * 1e-9), 0
+        self.watch, self.stamp = ContactWatch(UR5E), 0
 
     def see(
         self, force: Array, off: Array | None = None, extra: Array | None = None, catching_up: bool = False
@@ -105,7 +106,7 @@ def test_an_arm_that_catches_up_may_be_off_its_command_and_is_watched_for_the_re
 
 def test_what_the_efforts_were_while_states_were_missed_is_not_known() -> None:
     """The same motion with and without the states in the middle of it, where the motors gave what is in no state."""
-    observer, period = DisturbanceObserver(UR5E, PERIOD_NS * 1e-9), PERIOD_NS
+    observer, period = DisturbanceObserver(UR5E), PERIOD_NS
     rest = resting_efforts(UR5E, UR5E.home)
 
     def see(stamp: int, speed: float) -> Array:
@@ -115,3 +116,38 @@ def test_what_the_efforts_were_while_states_were_missed_is_not_known() -> None:
     see(0, 0.0)
     assert np.abs(see(2 * period, 0.1)).max() == 0.0, "braked or not, who knows"
     assert np.abs(see(3 * period, 0.2)).max() > 1.0, "sped up without a torque"
+
+
+def moving_in_bursts(share: float, missed: frozenset[int] = frozenset()) -> float:
+    """An arm that gains its speed in every other half of a period, by motors that give just the torque for that, and
+    whose driver publishes two states in a period; those numbered in ``missed`` are lost. The greatest torque [N·m] of
+    joint 1 that the observer finds. ``share`` of the torque between two ticks something else gives."""
+    observer, data, half = DisturbanceObserver(UR5E), UR5E.model.createData(), PERIOD_NS // 2
+    q, v, found = UR5E.home.copy(), np.zeros(6), 0.0
+    for i in range(200):
+        bursts = i % 4 in (1, 2)  # to a tick, and from one
+        a = np.array([0.0, 5.0 * bursts * (1 if i % 8 < 4 else -1), 0.0, 0.0, 0.0, 0.0])
+        middle, dt = v + 0.5 * a * half * 1e-9, half * 1e-9
+        efforts = pin.rnea(UR5E.model, data, q + 0.5 * dt * middle, middle, a) + UR5E.model.damping * middle
+        if i % 2:
+            efforts[1] -= share * UR5E.limits.torque[1]
+        q, v = q + dt * middle, v + dt * a
+        state = ArmState(stamp=i * half, q=tuple(q), dq=tuple(v), efforts=tuple(efforts), wrench=(0.0,) * 6)
+        if i not in missed:
+            observer.take(state)
+            if i % 2 == 0:
+                found = max(found, abs(float(observer.see(state)[1])))
+    return found
+
+
+def test_of_a_driver_with_more_states_than_ticks_every_effort_counts() -> None:
+    """Each is a mean since the state before: what the motors did before a state that nobody answers moved the arm."""
+    torque = float(UR5E.limits.torque[1])
+    assert moving_in_bursts(0.0) < 0.01 * BOUNDS.torque * torque
+    assert moving_in_bursts(0.4) == pytest.approx(0.2 * torque, rel=0.05), "half of the time with 0.4 of the limit"
+
+
+def test_between_two_ticks_a_lost_state_is_no_push() -> None:
+    lost = frozenset(range(21, 200, 10))
+    assert moving_in_bursts(0.0, lost) < 0.01 * BOUNDS.torque * UR5E.limits.torque[1]
+    assert moving_in_bursts(0.4, lost) > 1.2 * BOUNDS.torque * UR5E.limits.torque[1], "and the others are looked at"
