@@ -283,9 +283,15 @@ class ArmState(Message):
         return self
 
 
+# A driver takes a stream of positions to go on as it went for so many of its intervals, from when the newest command
+# takes effect: what is missing then is late or was lost. After them the stream has ended, and the driver brakes.
+STREAM_INTERVALS = 3
+
+
 class ArmCommand(Message):
     """What the driver is to do: rad, rad/s or N·m (gravity is the driver's). ``answers``: stamp of the state used.
 
+    Commands that are late or lost are bridged for ``STREAM_INTERVALS``, after which the arm brakes.
     ``suction`` switches the gripper, and stays in force when commands fall silent: a driver stops motion then, but
     drops nothing.
     """

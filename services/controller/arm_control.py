@@ -14,7 +14,7 @@ from typing import Literal
 from rackhand.schemas.arrays import Array
 from rackhand.schemas.base import Message
 from rackhand.schemas.crf import CrfCode
-from rackhand.schemas.motion import ArmState, Expected, MotionStatus, RobotConfiguration
+from rackhand.schemas.motion import STREAM_INTERVALS, ArmState, Expected, MotionStatus, RobotConfiguration
 from rackhand.services.controller import ik
 from rackhand.services.controller.access.streams import StreamGuard, StreamSample
 from rackhand.services.controller.access.types import ContinueMotion, MotionEffect, StopMotion
@@ -31,7 +31,6 @@ from rackhand.services.controller.trajectory.model import PathRefused, TcpPose
 
 NO_DRIVER = "the arm driver is not connected"
 STANDSTILL = 0.05  # rad/s measured
-COASTS = 3  # missed periods for which a driver takes a stream of commands to go on as it went
 Finish = Callable[[GrantedCommand, Message, str], None]
 
 
@@ -187,8 +186,8 @@ class ArmControl:
         else:
             missed = stamp - self._tick - self.period_ns
             late = missed > self.period_ns // 2
-            if missed > COASTS * self.period_ns:
-                # The driver has stopped the arm meanwhile: it goes on from where its motion was.
+            if missed > STREAM_INTERVALS * self.period_ns:
+                # The driver brakes the arm since more than a period: it goes on from where its motion was.
                 self._origin += missed
         self.now = max(self.now, stamp)
         self._tick = stamp

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rackhand.schemas.crf import CrfCode
+from rackhand.schemas.motion import STREAM_INTERVALS
 from tests.controller.cell import PERIOD_NS, UR5E, PerfectArm, moved, pose
 
 CONDITIONS = {
@@ -81,7 +82,7 @@ def test_the_next_motion_begins_with_a_clean_status() -> None:
     assert cell.get_status()["controllerStatus"] == [CrfCode.OK]
 
 
-@pytest.mark.parametrize(("missed", "goes_on"), [(3, False), (4, True), (200, True)])
+@pytest.mark.parametrize(("missed", "goes_on"), [(STREAM_INTERVALS, False), (STREAM_INTERVALS + 1, True), (200, True)])
 def test_a_path_goes_on_where_it_was_after_periods_in_which_the_driver_has_stopped_the_arm(
     missed: int, goes_on: bool
 ) -> None:

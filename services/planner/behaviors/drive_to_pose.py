@@ -39,13 +39,15 @@ from rackhand.services.planner.control import driving
 from rackhand.services.planner.control.goal_checker import GoalChecker, is_still
 from rackhand.services.planner.control.mppi import CostField
 from rackhand.services.planner.control.progress_checker import Phase, ProgressWatch
-from rackhand.services.planner.control.recovery import Recovery
+from rackhand.services.planner.control.recovery import OUT_OF_WAY, Recovery
 from rackhand.services.planner.control.route import Route
 from rackhand.services.planner.errors import MoveFailed
 from rackhand.services.planner.geometry.se2 import STANDSTILL, wrap
 from rackhand.services.planner.planning.goals import RINGS, Goal, check_goal, check_start, zone_target
 from rackhand.services.planner.planning.plan import NOWHERE
 
+STAND_OFF = 5.0  # s without a path, after which the chassis makes room for who may wait for that
+FACING = 1.0  # m between its origin and who does, beyond their radius
 NO_FIELD = CostField(np.empty((0, 0), dtype=np.float32), NOWHERE)
 
 
@@ -161,6 +163,10 @@ class DriveToPose:
         """The twist wanted in this stage; goes on to the next stage where one ends."""
         if self._must_give_way(ctx):
             return self._give_way(ctx)
+        if self._stage in ("planning", "driving"):
+            self._recovery.watch(ctx.stamp, ctx.twist, ctx.vetoed)
+            if self._recovery.runs or self._makes_room(ctx):
+                return self._recover(ctx)
         if self._stage == "driving" and self._keeper.route is not None:
             return self._drive(ctx, self._keeper.route)
         if self._stage == "rotating":
@@ -168,14 +174,11 @@ class DriveToPose:
         return STANDSTILL
 
     def _drive(self, ctx: Context, route: Route) -> Twist2:
-        self._recovery.watch(ctx.stamp, ctx.twist, ctx.vetoed)
         if self._recovery.is_held(ctx.stamp) and self._checker.has_position(ctx.pose):
             self._recovery.restart()
             self._arrive(ctx)  # as near as it gets, and near enough
             return STANDSTILL
-        if self._recovery.runs or (
-            self._recovery.is_held(ctx.stamp) and self._recovery.begin(ctx.stamp, ctx.pose, ctx.costmap, ctx.footprint)
-        ):
+        if self._recovery.is_held(ctx.stamp) and self._recovery.begin(ctx.stamp, ctx.pose, ctx.costmap, ctx.footprint):
             return self._recover(ctx)
         stop_within = self._checker.stop_within if route.is_last else driving.SEGMENT_END
         if not driving.has_ended(route, ctx.pose, stop_within):
@@ -190,6 +193,15 @@ class DriveToPose:
             return STANDSTILL
         self._arrive(ctx)
         return self._rotate(ctx) if self._stage == "rotating" else STANDSTILL
+
+    def _makes_room(self, ctx: Context) -> bool:
+        """Whether the chassis backs away from now on: it has no path, and somebody who came lately is close to it.
+        People and vehicles on the goal or on the way to it may be waiting for the chassis to move, and it for them."""
+        if self._keeper.without_path(ctx.stamp) < STAND_OFF or self._checker.turn_only or not is_still(ctx.twist):
+            return False
+        if not ctx.costmap.movers.moved_near(ctx.pose[:2], FACING, ctx.stamp):
+            return False
+        return self._recovery.begin(ctx.stamp, ctx.pose, ctx.costmap, ctx.footprint, OUT_OF_WAY)
 
     def _recover(self, ctx: Context) -> Twist2:
         wanted = self._recovery.command(ctx.stamp, ctx.pose, ctx.vetoed)

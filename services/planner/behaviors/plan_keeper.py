@@ -58,6 +58,10 @@ class PlanKeeper:
         """Whether an observed obstacle is on the route ahead."""
         return self._blocked_since is not None
 
+    def without_path(self, stamp: int) -> float:
+        """Seconds since there is no path; 0 while there is one."""
+        return 0.0 if self._no_path_since is None else (stamp - self._no_path_since) / NANOSECONDS
+
     def request(
         self,
         ctx: Context,
@@ -84,8 +88,11 @@ class PlanKeeper:
         self._target = target
 
     def discard(self, ctx: Context, *, tight: bool = False) -> None:
-        """The route's end was not the goal, or it cannot be driven: replan, and stop until then."""
-        self.route, self.free, self._blocked_since = None, math.inf, None
+        """The route's end was not the goal, or it cannot be driven: replan, and stop until then.
+
+        From where the chassis is now, something may hide what it saw before: that may be doubted again.
+        """
+        self.route, self.free, self._blocked_since, self._doubt_before = None, math.inf, None, None
         self.request(ctx, tight=tight)
 
     def resume(self, ctx: Context) -> None:
@@ -191,9 +198,7 @@ class PlanKeeper:
         return (ctx.stamp - self._blocked_since) / NANOSECONDS >= ctx.settings.blocked_patience
 
     def _check_patience(self, ctx: Context) -> None:
-        if self._no_path_since is None:
-            return
-        waited = (ctx.stamp - self._no_path_since) / NANOSECONDS
+        waited = self.without_path(ctx.stamp)
         if waited > ctx.settings.planning_timeout:
             raise MoveFailed(
                 MoveFailReason.PLANNING_TIMEOUT,

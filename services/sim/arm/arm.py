@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from rackhand.schemas.fencing import FencingGuard
-from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken, Following, Gripper
+from rackhand.schemas.motion import STREAM_INTERVALS, ArmCommand, ArmState, FencingToken, Following, Gripper
 from rackhand.services.sim.arm.efforts import Efforts
 from rackhand.services.sim.arm.servo import (
     HOLD,
@@ -38,8 +38,8 @@ from rackhand.worlds.world_model import ARM_INSTANT_NS
 
 # Commands come each 2 … 20 ms (s); before the second one has come, the interval is taken to be this.
 SHORTEST, LONGEST, FIRST_INTERVAL = 0.002, 0.02, 0.004
-# For so many intervals without a command a stream is taken to be late and goes on as it went; then it has ended.
-COASTS = 2
+# For so many intervals after that of its newest command a stream is taken to be late and goes on as it went.
+COASTS = STREAM_INTERVALS - 1
 
 Mode = Literal["position", "velocity", "torque", "hold"]
 _PLANS = {"position": POSITION, "velocity": VELOCITY}

@@ -11,7 +11,7 @@ import pytest
 
 from rackhand.schemas import topics
 from rackhand.schemas.base import NANOSECONDS, Pose2
-from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken, Gripper
+from rackhand.schemas.motion import STREAM_INTERVALS, ArmCommand, ArmState, FencingToken, Gripper
 from rackhand.schemas.refusal import RequestRefused
 from rackhand.schemas.world import Place
 from rackhand.services.sim.arm.arm import Arm
@@ -330,6 +330,15 @@ def test_a_stream_that_is_cut_brakes_the_arm_to_rest(simulation: Simulation, mod
     braking = np.diff(speeds[51:]) / 0.002
     assert braking.min() > -1.3 * arm_of(simulation).limits.acceleration[0]
     np.testing.assert_allclose(states[-1].q, states[-20].q, atol=1e-6)
+
+
+def test_a_stream_of_positions_goes_on_as_it_went_for_as_long_as_the_contract_says(simulation: Simulation) -> None:
+    home = np.array(state_of(simulation).q)
+    control(simulation, 0.3, "position", lambda time: home + np.eye(len(home))[0] * 1.5 * (time + PERIOD * 1e-9))
+    speeds = velocities(wait(simulation, 0.03))[:, 0]
+    bridged = (STREAM_INTERVALS - 1) * PERIOD // ARM_INSTANT_NS  # the first interval was that of the newest command
+    np.testing.assert_allclose(speeds[:bridged], 1.5, atol=1e-4)
+    assert (np.diff(speeds[bridged - 1 :]) < -0.01).all(), "it brakes"
 
 
 def test_a_velocity_stays_in_force_for_100_ms_and_no_longer(ur5e: Simulation) -> None:
