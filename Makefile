@@ -27,7 +27,7 @@ demo: $(VENV)/.run
 # Tests that flood a cell have the machine to themselves.
 test: $(VENV)/.dev
 ifeq ($(strip $(ARGS)),)
-	@$(BIN)/pytest -m "not system" --numprocesses logical
+	@$(BIN)/pytest -m "not system" --numprocesses logical --dist worksteal
 	@$(BIN)/pytest -m "system and not alone" --numprocesses 2 --dist loadfile --no-loadscope-reorder
 	@$(BIN)/pytest -m "system and alone"
 else

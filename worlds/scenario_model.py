@@ -197,13 +197,15 @@ class Expectation(Data):
 
 
 class Scenario(Data):
-    """A whole scenario. ``shows``: what a reader learns from it. ``start``: where the robot is set down first."""
+    """A whole scenario. ``shows``: what a reader learns from it. ``slow``: it may take more than 20 s of wall time on
+    two cores. ``start``: where the robot is set down first."""
 
     name: Name
     shows: Annotated[str, Field(min_length=10)]
     world: Name
     seed: Annotated[int, Field(ge=0)] = 1
     robot: Name = "amr1"
+    slow: bool = False
     start: PoseTuple | None = None
     timeline: Annotated[tuple[Step, ...], Field(min_length=1)]
     expect: Expectation

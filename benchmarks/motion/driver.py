@@ -18,7 +18,7 @@ from benchmarks.motion.arm import PerfectArm
 from rackhand.bus import Bus, Sample
 from rackhand.schemas import topics
 from rackhand.schemas.codec import codec_for
-from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken
+from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken, Following
 from rackhand.schemas.service import ServiceId
 from rackhand.services.controller.ik import Arm, load_arm
 
@@ -39,7 +39,7 @@ class Driver:
         self._arm = PerfectArm(arm_of(cell.joints), STATE_PERIOD)
         self._commanded: tuple[float, ...] = ()  # by the command in force
         self._stamp = 0
-        self._newest = -1  # the stamp that the command in force answers
+        self._follows = Following()
         self._told: dict[int, float] = {}  # stamp → when it was published, of those recorded
         self._answered: dict[int, float] = {}
         self.moved: float | None = None
@@ -73,7 +73,7 @@ class Driver:
         arm = self._arm
         arm.advance()
         q, dq, efforts = (tuple(values.tolist()) for values in (arm.q, arm.dq, arm.efforts))
-        state = ArmState(stamp=self._stamp, q=q, dq=dq, efforts=efforts, wrench=(0.0,) * 6)
+        state = ArmState(stamp=self._stamp, q=q, dq=dq, efforts=efforts, wrench=(0.0,) * 6, follows=self._follows)
         if record:
             self._told[self._stamp] = time.perf_counter()
         self._states.put(state)
@@ -88,11 +88,12 @@ class Driver:
 
     def _take(self, command: ArmCommand, now: float) -> None:
         self._answered.setdefault(command.answers, now)
-        if command.mode != "position" or command.answers <= self._newest:
+        if command.mode != "position" or command.answers <= self._follows.answers:
             return
         if self.moved is None and _differ(command.values, self._commanded):
             self.moved = now
-        self._commanded, self._newest = command.values, command.answers
+        self._commanded = command.values
+        self._follows = Following(token=command.token, answers=command.answers)
         self._arm.go_to(np.array(command.values), command.answers * 1e-9)
 
     def latencies(self, period: float) -> list[float]:
@@ -109,8 +110,9 @@ class Driver:
     def sizes_of(joints: int) -> tuple[int, int]:
         """Bytes of a state and of a command."""
         values = tuple(0.1 * (i + 1) for i in range(joints))
-        state = ArmState(stamp=10**10, q=values, dq=values, efforts=values, wrench=(0.1,) * 6)
         token = FencingToken(epoch="0123456789abcdef", lease=1)
+        follows = Following(token=token, answers=10**10)
+        state = ArmState(stamp=10**10, q=values, dq=values, efforts=values, wrench=(0.1,) * 6, follows=follows)
         command = ArmCommand(answers=10**10, mode="position", values=values, token=token)
         return len(codec_for(ArmState).dumps(state)), len(codec_for(ArmCommand).dumps(command))
 

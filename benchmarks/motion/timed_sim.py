@@ -10,8 +10,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rackhand.bus import Event, Sample
-from rackhand.schemas import topics
+from rackhand.schemas.base import Message
+from rackhand.schemas.chassis import ChassisCommand
+from rackhand.schemas.motion import ArmCommand, ArmState
 from rackhand.schemas.topics import Topic
 from rackhand.services.sim import __main__ as program
 from rackhand.services.sim.service import SimService
@@ -23,15 +24,15 @@ answered: dict[int, float] = {}
 class TimedSim(SimService):
     """Notes the first telling of each state and the first command that answers it."""
 
-    def _tell(self, topic: Topic[Any], robot: str, message: Any) -> None:
-        if topic is topics.ARM_STATE:
+    def _publish(self, topic: Topic[Any], robot: str, message: Message) -> None:
+        if isinstance(message, ArmState):
             told.setdefault(message.stamp, time.perf_counter())
-        super()._tell(topic, robot, message)
+        super()._publish(topic, robot, message)
 
-    def _handle(self, event: Event) -> None:
-        if isinstance(event, Sample) and event.topic is topics.ARM_COMMAND:
-            answered.setdefault(event.message.answers, time.perf_counter())
-        super()._handle(event)
+    def _command(self, robot: str, command: ChassisCommand | ArmCommand) -> None:
+        if isinstance(command, ArmCommand):
+            answered.setdefault(command.answers, time.perf_counter())
+        super()._command(robot, command)
 
 
 if __name__ == "__main__":

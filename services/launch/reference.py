@@ -93,7 +93,7 @@ def fail_matrix() -> Table:
             str(int(reason)),
             reason.doc_name,
             CAUSES[reason].text,
-            ", ".join(f"[{s.name}](../worlds/{s.world}/scenarios/{s.name}.yaml)" for s in scenarios[reason]) or "–",
+            ", ".join(_link(scenario) for scenario in scenarios[reason]) or "–",
             "; ".join(dict.fromkeys(explained[reason])) or "–",
             f"`{reason.topic_string}`",
             f"`{reason.rest_string}`",
@@ -102,6 +102,11 @@ def fail_matrix() -> Table:
         if CAUSES[reason].met == "move"
     ]
     return header, rows
+
+
+def _link(scenario: Scenario) -> str:
+    link = f"[{scenario.name}](../worlds/{scenario.world}/scenarios/{scenario.name}.yaml)"
+    return f"{link} (slow)" if scenario.slow else link
 
 
 def other_fail_reasons() -> Table:

@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+import pytest
 
 from benchmarks.motion.arm import PerfectArm
 from benchmarks.motion.driver import STILL
 from benchmarks.motion.record import read_latencies
+from benchmarks.motion.timed_sim import TimedSim
 from rackhand.services.controller.ik import load_arm
+from rackhand.services.sim.service import SimService
 
 
 def test_only_states_that_ask_for_a_command_count_and_silence_is_never(tmp_path: Path) -> None:
@@ -38,3 +41,16 @@ def test_the_perfect_arm_is_at_rest_where_it_was_sent_and_its_motors_gave_the_mo
         assert np.allclose(arm.efforts, needed + kind.model.damping * middle, atol=0.05), i
     assert np.allclose(arm.q, goal, atol=1e-6) and np.abs(arm.dq).max() < STILL
     assert np.allclose(arm.efforts, pin.computeGeneralizedGravity(kind.model, data, goal), atol=1e-3)
+
+
+def test_a_record_without_states_is_an_error(tmp_path: Path) -> None:
+    record = tmp_path / "latencies.json"
+    record.write_text(json.dumps({"told": [[0, 1.0]], "answered": []}))
+    with pytest.raises(ValueError, match="1 states, none of them in a turn"):
+        read_latencies(record, 250, [(2.0, 3.0)])
+
+
+def test_the_timed_simulator_hooks_what_the_simulator_has() -> None:
+    """It notes what passes methods of the service, which may be renamed."""
+    hooks = {name for name, value in vars(TimedSim).items() if callable(value)}
+    assert hooks and hooks <= set(dir(SimService))

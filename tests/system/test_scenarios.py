@@ -38,7 +38,10 @@ def runner_of() -> Iterator[RunnerOf]:
         yield runner
 
 
-@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
+@pytest.mark.parametrize(
+    "scenario",
+    [pytest.param(one, id=one.name, marks=[pytest.mark.slow] if one.slow else []) for one in SCENARIOS],
+)
 def test_a_scenario_ends_as_its_file_expects(scenario: Scenario, runner_of: RunnerOf) -> None:
     verdict = runner_of(scenario.world).run(scenario)
     assert verdict.problems == ()

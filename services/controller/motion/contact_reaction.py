@@ -6,10 +6,11 @@ from rackhand.schemas.crf_contact import Contact
 from rackhand.schemas.motion import ArmState
 from rackhand.services.controller import ik
 from rackhand.services.controller.motion.contact import ContactWatch, describe
+from rackhand.services.controller.motion.driver_watch import CommandDelay
 from rackhand.services.controller.motion.executor import MotionExecutor
 
 OVER_NS = 300_000_000  # without a contact, until the next one is news
-CATCHING_UP_NS = 300_000_000  # after missed ticks, and after a torque, the driver catches up with its command
+CATCHING_UP_NS = 300_000_000  # after missed ticks, late commands or a torque, the driver catches up with its command
 RELEASE_NS = 200_000_000  # for which a stream of velocities must pause before it moves the arm again
 
 
@@ -19,11 +20,13 @@ class ContactReaction:
     def __init__(self, arm: ik.Arm, motion: MotionExecutor) -> None:
         self._motion = motion
         self.watch = ContactWatch(arm)
+        self._delay = CommandDelay(round(motion.period * 1e9))
         self.reset()
 
     def reset(self) -> None:
         """The arm's states begin anew."""
         self.watch.reset()
+        self._delay.reset()
         self.last: Contact | None = None
         self._news: Contact | None = None
         self._touched: int | None = None  # when there was a contact last
@@ -33,6 +36,7 @@ class ContactReaction:
         """The contact as of ``state``, to be called before the tick that answers it. Stops the motion, unless a torque
         moves the arm or the stop condition is switched off. ``late``: ticks were missed."""
         motion = self._motion
+        late |= self._delay.late(state)
         if late or motion.hands_over:
             self._caught_up = state.stamp + CATCHING_UP_NS
         rotation = motion.kinematics.forward(motion.q).rotation

@@ -1,4 +1,4 @@
-"""Whether the driver follows this controller's commands. Pure; times are stamps of arm states."""
+"""Whether the driver follows this controller's commands, and when it got them. Pure; times are stamps of arm states."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from rackhand.schemas.motion import ArmState
 
 PATIENCE_NS = 60_000_000  # what was sent needs its way, and a driver may lose a command
 OLDEST_NS = 250_000_000  # a driver has stopped the arm by then
+LOST = 1.5  # periods by which the command that a driver follows is older than usual: two or more have not come
+FORGETS = 0.005  # share of an older command's age by which the usual one grows
 
 
 class DriverWatch:
@@ -31,6 +33,32 @@ class DriverWatch:
     def obeys(self, state: ArmState, epoch: str) -> bool:
         """Whether it follows a command of ``epoch`` now."""
         return not _wrong(state, epoch)
+
+
+class CommandDelay:
+    """Whether commands are late at the driver, one of which there is each ``period_ns``.
+
+    A controller that answers every state in time cannot see by itself that its answers wait somewhere. ``usual`` is the
+    least age of the command that the driver follows, which contains its own latency. A driver that does not report what
+    it follows is taken to be in time.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self.reset()
+
+    def reset(self) -> None:
+        """The driver may be another."""
+        self._usual: float | None = None
+
+    def late(self, state: ArmState) -> bool:
+        """Whether the command that is followed at ``state`` is older than usual. At every tick."""
+        if state.follows is None or state.follows.token is None:
+            return False
+        age = state.stamp - state.follows.answers
+        usual = age if self._usual is None else min(age, self._usual)
+        self._usual = usual + FORGETS * (age - usual)
+        return age > usual + LOST * self._period_ns
 
 
 def _wrong(state: ArmState, epoch: str) -> str:

@@ -51,11 +51,12 @@ class CostField(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """How the chassis follows commands. ``step`` and ``lag`` in seconds."""
+    """How the chassis follows commands. ``step`` and ``lag`` in seconds, ``lateral``: acceleration in bends, m/s²."""
 
     step: float
     lag: float
     limits: Limits
+    lateral: float
 
 
 class MppiProblem(NamedTuple):
@@ -130,7 +131,8 @@ class Mppi:
         noise = self._noise[self._turn % m.banks]
         self._turn += 1
         limits = self._limits._replace(max_forward_velocity=min(self._limits.max_forward_velocity, float(speed_limit)))
-        drive = Drive(float(m.step), float(self._settings.actuation.lag), limits)
+        s = self._settings
+        drive = Drive(float(m.step), float(s.actuation.lag), limits, float(s.max_lateral_acc))
         problem = MppiProblem(drive, near, field, goal, obstacles, footprint.edges, body_discs(footprint), self._costs)
         start = np.array([*pose, measured.linear, measured.angular, last.linear, last.angular])
         costs, commands = rollouts(problem, self._plan, noise, start)
@@ -141,7 +143,9 @@ class Mppi:
         share = PERIOD / m.step
         self._plan[:-1] = (1 - share) * solution[:-1] + share * solution[1:]
         self._plan[-1] = solution[-1]
-        return Twist2(linear=float(solution[0, 0]), angular=float(solution[0, 1]))
+        # A mean of commands that keep the limit may be beyond it.
+        linear, angular = slower_in_bends(float(solution[0, 0]), float(solution[0, 1]), drive.lateral)
+        return Twist2(linear=linear, angular=angular)
 
 
 def body_discs(footprint: Footprint) -> Array:
@@ -213,13 +217,32 @@ def primitive(index: int, time: float, yaw: float, limits: Limits) -> tuple[floa
 
 @inlined
 def limited(v: float, w: float, wanted_v: float, wanted_w: float, drive: Drive) -> tuple[float, float]:
-    """The command after ``v``, ``w`` a step later, within the limits on velocity and acceleration."""
+    """The command after ``v``, ``w`` a step later, within the limits on velocity and acceleration.
+
+    A lateral acceleration beyond ``drive.lateral`` grows no more.
+    """
     limits, dt = drive.limits, drive.step
     wanted_v = min(max(wanted_v, limits.max_backward_velocity), limits.max_forward_velocity)
     wanted_w = min(max(wanted_w, -limits.max_angular_velocity), limits.max_angular_velocity)
+    wanted_v, wanted_w = slower_in_bends(wanted_v, wanted_w, drive.lateral)
     turn = limits.max_angular_acc * dt
+    angular = w + max(-turn, min(turn, wanted_w - w))
+    fastest = drive.lateral / max(abs(angular), 1e-6)
+    wanted_v = min(max(wanted_v, -fastest), fastest)
     linear = ramp(v, wanted_v, limits.max_forward_acc * dt, -limits.max_forward_decel * dt)
-    return linear, w + max(-turn, min(turn, wanted_w - w))
+    if abs(linear * angular) > drive.lateral:  # it cannot brake so soon: turn in more slowly
+        most = max(drive.lateral / abs(linear), abs(w) - turn)
+        angular = min(max(angular, -most), most)
+    return linear, angular
+
+
+@inlined
+def slower_in_bends(v: float, w: float, lateral: float) -> tuple[float, float]:
+    """That command on the same arc, at most as fast as gives the acceleration ``lateral`` (m/s²) to the side."""
+    share = abs(v * w) / lateral
+    if share <= 1.0:
+        return v, w
+    return v / math.sqrt(share), w / math.sqrt(share)
 
 
 @inlined

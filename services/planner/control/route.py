@@ -25,6 +25,9 @@ class Route:
         self.plan = plan
         self.trackers = [Tracker(segment) for segment in plan.segments]
         self._at = 0
+        # A way through a hall of 500 m has 14 000 rows, which are not copied in each tick.
+        self._rows = np.vstack([segment.points for segment in plan.segments])
+        self._first = 0  # row of the current segment
 
     @property
     def current(self) -> Tracker:
@@ -35,6 +38,7 @@ class Route:
         return self._at == len(self.trackers) - 1
 
     def advance(self) -> None:
+        self._first += len(self.current.segment.points)
         self._at += 1
 
     def left(self, pose: Pose) -> float:
@@ -51,9 +55,8 @@ class Route:
         return self.current.left(pose) + sum(t.segment.length for t in later)
 
     def ahead(self) -> Array:
-        """Rows x, y, yaw from here on."""
-        first = self.current.segment.points[self.current.index :]
-        return np.vstack([first, *(t.segment.points for t in self.trackers[self._at + 1 :])])
+        """Rows x, y, yaw from here on, a view that is not to be written."""
+        return self._rows[self._first + self.current.index :]
 
     def free_distance(self, costmap: LocalCostmap, footprint: Footprint, reach: float) -> tuple[float, Array]:
         """Metres of path ahead along which the footprint is free (infinite if all of ``reach`` is), and the point (2,)

@@ -11,6 +11,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -84,7 +85,16 @@ class Zone(Feature):
     rings: tuple[Points, ...]
 
     def contains(self, x: float, y: float) -> bool:
+        (left, low), (right, high) = self._bounds
+        if not (left <= x <= right and low <= y <= high):
+            return False
         return bool(inside(self.rings, np.array([x]), np.array([y]))[0, 0])
+
+    @cached_property
+    def _bounds(self) -> list[list[float]]:
+        """Of all rings: the least and the greatest x and y. Most places that are asked about are far from a zone."""
+        points = np.vstack(self.rings)
+        return [points.min(axis=0).tolist(), points.max(axis=0).tolist()]
 
 
 @dataclass(frozen=True)

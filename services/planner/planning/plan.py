@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, cast
 
 import numpy as np
@@ -79,7 +80,7 @@ class Segment:
     points: Array
     backward: bool = False
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Metres."""
         return float(np.hypot(*np.diff(self.points[:, :2], axis=0).T).sum())

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rackhand.schemas.crf import CrfCode
-from rackhand.schemas.motion import ArmState, FencingToken, Following
-from rackhand.services.controller.motion.driver_watch import DriverWatch
-from tests.controller.cell import PERIOD_NS, PerfectArm
+from rackhand.schemas.motion import ArmCommand, ArmState, FencingToken, Following
+from rackhand.services.controller.motion.driver_watch import CommandDelay, DriverWatch
+from tests.controller.cell import PERIOD_NS, UR5E, PerfectArm
 
 STILL = (0.0,) * 6
 OTHER = Following(token=FencingToken(epoch="another", lease=1), answers=0)
@@ -82,3 +83,69 @@ def test_nothing_is_claimed_while_the_driver_does_not_obey(stray: Following) -> 
     cell.until_rest()
     assert abs(cell.q[0] - 0.5) < 1e-9
     assert CrfCode.Disconnected not in cell.get_status()["controllerStatus"]
+
+
+def ages(*lengths: tuple[int, int]) -> list[bool]:
+    """What is late of states that follow a command so many periods old, for so many periods each."""
+    delay, found, stamp = CommandDelay(PERIOD_NS), [], 10**9
+    for age, count in lengths:
+        for _ in range(count):
+            found.append(delay.late(state(stamp, own(stamp, age * PERIOD_NS))))
+            stamp += PERIOD_NS
+    return found
+
+
+@pytest.mark.parametrize("usual", [0, 1, 3], ids=["lockstep", "free", "with a latency of its own"])
+def test_commands_that_reach_the_driver_later_than_usual(usual: int) -> None:
+    found = ages((usual, 50), (usual + 1, 1), (usual + 2, 1), (usual + 9, 20), (usual, 50))
+    assert not any(found[:51]), "one lost command is none"
+    assert all(found[51:72])
+    assert not any(found[72:])
+
+
+def test_a_latency_that_stays_becomes_the_usual_one() -> None:
+    found = ages((1, 50), (5, 1000))
+    assert found[50] and not found[-1]
+
+
+def test_a_driver_that_does_not_report_what_it_follows_is_in_time() -> None:
+    delay = CommandDelay(PERIOD_NS)
+    assert not any(delay.late(state(stamp, follows)) for stamp in (0, 10**9) for follows in (None, Following()))
+
+
+class Starving(Obedient):
+    """While ``held`` no command reaches it: it stands, and follows what it followed before."""
+
+    held = False
+    _reached: Following | None = None
+
+    def tick(self) -> Any:
+        if self.held:
+            self.stray = self._reached
+        else:
+            self.stray, last = None, self.command
+            self._reached = last and Following(token=last.token, answers=last.answers)
+        return super().tick()
+
+    def _move(self, command: ArmCommand) -> None:
+        """With at most 25 rad/s², some 20 ms behind."""
+        wanted = np.zeros(self.arm.n) if self.held else (np.array(command.values) - self.q) / 0.02
+        before, self.dq = self.dq, self.dq + np.clip(wanted - self.dq, -0.1, 0.1)
+        self.q = self.q + 0.5 * (before + self.dq) * PERIOD_NS * 1e-9
+
+
+@pytest.mark.parametrize("reports", [True, False], ids=["the driver says so", "blocked, as far as is known"])
+def test_an_arm_whose_commands_are_late_is_not_taken_to_be_blocked(reports: bool) -> None:
+    """At 1 rad/s for 48 ms: 0.048 rad behind. Its driver, which follows an old command, cannot know better."""
+    cell = Starving()
+    cell.ok("a", command="appendPath", type="joints", data=[(UR5E.home + 1.0).tolist()])
+    cell.advance(0.6)
+    assert np.abs(cell.dq).max() > 0.9
+    cell.held = True
+    if not reports:
+        cell._reached = None
+    cell.advance(0.048)
+    cell.held = False
+    cell.advance(0.1)
+    contacts = [event.info for event in cell.events if event.name == "contact"]
+    assert [getattr(contact, "kind", None) for contact in contacts] == ([] if reports else ["following"])

@@ -86,10 +86,7 @@ def test_whole_numbers_among_the_settings_do_not_recompile(hall: tuple[DistanceG
 def test_rollouts_keep_the_limits_and_the_first_two_are_the_plan_and_a_stop(
     hall: tuple[DistanceGrid, CostField],
 ) -> None:
-    drive_model = Drive(0.12, 0.1, LIMITS)
-    problem = MppiProblem(
-        drive_model, hall[0], hall[1], GOAL, NOBODY, FOOTPRINT.edges, mppi.body_discs(FOOTPRINT), MppiCosts()
-    )
+    problem = in_hall(hall)
     plan = np.tile([0.6, 0.1], (32, 1))
     noise = np.random.default_rng(1).normal(0.0, 0.5, (200, 32, 2))
     start = np.array([*START, 0.6, 0.1, 0.6, 0.1])
@@ -100,6 +97,27 @@ def test_rollouts_keep_the_limits_and_the_first_two_are_the_plan_and_a_stop(
     assert commands[..., 0].min() >= LIMITS.max_backward_velocity - 1e-9
     assert commands[..., 0].max() <= LIMITS.max_forward_velocity + 1e-9
     assert np.abs(np.diff(commands[..., 1], axis=1)).max() <= LIMITS.max_angular_acc * 0.12 + 1e-9
+
+
+def test_no_rollout_bends_faster_than_the_limit(hall: tuple[DistanceGrid, CostField]) -> None:
+    plan = np.tile([1.0, 0.3], (32, 1))
+    noise = np.random.default_rng(1).normal(0.0, 1.0, (300, 32, 2))
+    _, commands = mppi.rollouts(in_hall(hall), plan, noise, np.array([*START, 1.0, 0.3, 1.0, 0.3]))
+    lateral = np.abs(commands[..., 0] * commands[..., 1])
+    assert 0.95 * S.max_lateral_acc < lateral.max() <= S.max_lateral_acc + 1e-9
+    assert np.abs(np.diff(commands[..., 1], axis=1)).max() <= LIMITS.max_angular_acc * 0.12 + 1e-9
+
+
+def test_what_is_too_fast_for_its_bend_is_driven_slower_on_the_same_arc() -> None:
+    v, w = mppi.slower_in_bends(-1.2, 1.0, 0.6)
+    assert (v * w, w / v) == pytest.approx((-0.6, -1.0 / 1.2))
+    assert mppi.slower_in_bends(1.0, 0.5, 0.6) == (1.0, 0.5)
+
+
+def in_hall(hall: tuple[DistanceGrid, CostField]) -> MppiProblem:
+    """Nobody there, to the goal."""
+    model = Drive(0.12, 0.1, LIMITS, S.max_lateral_acc)
+    return MppiProblem(model, hall[0], hall[1], GOAL, NOBODY, FOOTPRINT.edges, mppi.body_discs(FOOTPRINT), MppiCosts())
 
 
 def test_primitives_turn_to_their_bearing_and_drive_for_their_time() -> None:

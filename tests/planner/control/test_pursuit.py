@@ -68,6 +68,16 @@ def test_curvature_leads_back_to_the_line(tight: bool) -> None:
     assert curvature(tracker, on_it, 0.5, S, tight) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
+@pytest.mark.parametrize(("speed", "reach"), [(0.2, 0.3), (0.7, 0.3), (1.2, 0.48)])
+def test_a_path_that_is_followed_closely_is_looked_at_farther_ahead_only_where_it_is_fast(
+    speed: float, reach: float
+) -> None:
+    x = np.linspace(0.0, 5.0, 101)
+    tracker = Tracker(Segment(np.column_stack([x, np.zeros(101), np.zeros(101)])))
+    _, bearing = curvature(tracker, np.array([0.0, 0.01, 0.0]), speed, S, True)
+    assert 0.01 / abs(math.sin(bearing)) == pytest.approx(reach, abs=0.05)
+
+
 def test_curvature_backward_is_that_of_the_arc_in_the_direction_of_travel() -> None:
     tracker = Tracker(Segment(BACKWARD, backward=True))
     pose = np.array([-1.0, 0.2, 0.0])

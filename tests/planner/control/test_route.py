@@ -42,6 +42,13 @@ def test_segments_one_after_the_other() -> None:
     there_and_back.advance()
     assert there_and_back.is_last and there_and_back.current.segment.backward
     assert there_and_back.left(np.array([4.0, 2.0, 0.0])) == pytest.approx(2.0)
+    assert there_and_back.ahead() == pytest.approx(segment(4, 2).points)
+
+
+def test_what_is_ahead_is_not_copied_in_each_tick() -> None:
+    long = route(segment(1, 4), segment(4, 700))
+    assert np.shares_memory(long.ahead(), long.ahead())
+    assert long.trackers[1].segment.length is long.trackers[1].segment.length
 
 
 def test_free_distance_ends_where_the_body_would_touch() -> None:
