@@ -264,7 +264,8 @@ def physics(verdicts: list[Verdict], judges: dict[str, Judge]) -> Table:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for kind in KINDS:
-            world = JoinedWorld(with_arm_kind(load_world("pick_station"), kind), Path(folder) / kind)
+            scene = with_arm_kind(load_world("pick_station"), kind)
+            world = JoinedWorld(scene, Path(folder) / kind, with_stations=False)
             own = [v for v in verdicts if v.kind == kind]
             accepted = [v for v in own if v.driven][: DRIVEN_IN_PHYSICS // 2]
             # Those that the geometry says overlap, so that the physics must find them.

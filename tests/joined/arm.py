@@ -37,9 +37,8 @@ class JoinedArm:
 
     service, period_ns = "controller", PERIOD_NS
 
-    def __init__(self, world: JoinedWorld, name: str, kind: str, **access: Any) -> None:
-        self.world, self.name = world, name
-        self.arm = warm_arm(kind)
+    def __init__(self, world: JoinedWorld, name: str, arm: ik.Arm, **access: Any) -> None:
+        self.world, self.name, self.arm = world, name, arm
         epochs = itertools.count(1)
         self.core = Controller(self.arm, PERIOD_NS, Inline(), lambda: f"e{next(epochs)}", AccessConfig(**access))
         self.states: list[ArmState] = []

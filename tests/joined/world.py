@@ -19,6 +19,7 @@ from typing import TypeVar
 from rackhand.schemas.base import NANOSECONDS, Message, Pose2
 from rackhand.schemas.lift import LiftRequest, LiftState
 from rackhand.schemas.world import Advance, Inspect, Join, ObjectPose, Pause, Reset, WorldReply, WorldRequest
+from rackhand.services.controller import ik
 from rackhand.services.planner.settings import NavigationSettings
 from rackhand.services.sim.chassis.noise import NoiseSettings
 from rackhand.services.sim.pacing import Pacer
@@ -27,7 +28,7 @@ from rackhand.services.sim.simulation import Output, Simulation
 from rackhand.testing import planar
 from rackhand.worlds.chassis_model import load_profiles
 from rackhand.worlds.world_model import World, load_world
-from tests.joined.arm import JoinedArm
+from tests.joined.arm import JoinedArm, warm_arm
 from tests.joined.chassis import JoinedChassis
 
 CHASSIS_TIMESTEP = 0.002
@@ -39,7 +40,8 @@ class JoinedWorld:
     """A paused world with a planner core for each chassis and a controller core for each arm.
 
     ``world`` is a name, a folder or a world; ``with_arms`` and ``with_chassis`` leave cores out whose robots a test
-    does not need. ``navigation``: of the planners.
+    does not need; without ``with_stations`` the controllers know nothing of what surrounds their arms. ``navigation``:
+    of the planners.
     """
 
     def __init__(
@@ -51,6 +53,7 @@ class JoinedWorld:
         noise: NoiseSettings | None = None,
         with_chassis: bool = True,
         with_arms: bool = True,
+        with_stations: bool = True,
         navigation: NavigationSettings | None = None,
     ) -> None:
         loaded = load_world(world) if isinstance(world, str) else world
@@ -72,7 +75,10 @@ class JoinedWorld:
                 name: JoinedChassis(self, name, folder, navigation or NavigationSettings())
                 for name in self.simulation.robots
             }
-        self._arms = {name: JoinedArm(self, name, loaded.arms[name].kind) for name in self.simulation.arms}
+        arms = {name: warm_arm(loaded.arms[name].kind) for name in self.simulation.arms}
+        if with_stations:
+            arms = {name: ik.in_station(arm, loaded, name) for name, arm in arms.items()}
+        self._arms = {name: JoinedArm(self, name, arm) for name, arm in arms.items()}
         self._begin()
 
     def __enter__(self) -> JoinedWorld:
