@@ -142,6 +142,7 @@ class Controller:
         if self._arm.connected:
             self._arm.collect_plans()
             self._reports.path()
+            self._arm.motion.prepare()
 
     def tick(self, state: ArmState, lockstep: bool) -> ArmCommand:
         """One control period. ``lockstep``: the driver waits for the command, so plans are waited for here."""

@@ -9,8 +9,6 @@ import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-import numpy as np
-
 from rackhand.schemas.arrays import Array
 from rackhand.schemas.crf_contact import Contact
 from rackhand.schemas.motion import ArmState
@@ -75,7 +73,8 @@ class ContactWatch:
         return _worst("torque", [abs(torque) for torque in self._observer.see(state).tolist()], self._torques, "N·m")
 
     def _force(self, state: ArmState, rotation: Array) -> _Excess:
-        force = (rotation @ np.array(state.wrench[:3])).tolist()
+        x, y, z = state.wrench[:3]
+        force = [row[0] * x + row[1] * y + row[2] * z for row in rotation.tolist()]
         dt = 0.0 if self._stamp is None else (state.stamp - self._stamp) * 1e-9
         share = min(dt / self.bounds.settling, 1.0) if dt > 0.0 else 1.0
         self._usual = [usual + (now - usual) * share for now, usual in zip(force, self._usual, strict=True)]
