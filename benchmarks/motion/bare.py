@@ -32,6 +32,14 @@ class BareEcho:
     def __enter__(self) -> BareEcho:
         argv = [sys.executable, "-m", "benchmarks.motion.echo", self._config.connect, str(self._back)]
         self._echo = subprocess.Popen(argv)
+        try:
+            self._connect()
+        except BaseException:
+            self._end()
+            raise
+        return self
+
+    def _connect(self) -> None:
         session = self._stack.enter_context(zenoh.open(self._config.zenoh_config()))
         self._pongs = session.declare_subscriber(PONG, zenoh.handlers.FifoChannel(16))
         self._pings = session.declare_publisher(PING, **SETTINGS)
@@ -43,11 +51,13 @@ class BareEcho:
             time.sleep(0.05)
         self.ping_for(0.5, 0.002)
         self.times.clear()
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._end()
+
+    def _end(self) -> None:
         self._echo.terminate()
         self._stack.close()
         self._echo.wait(10)
