@@ -30,7 +30,7 @@ class FencingGuard:
             return False
         if newest and token.epoch != newest.epoch:
             self._retired.add(newest.epoch)
-        if token != newest:
+        if token is not newest and token != newest:
             self._newest, self._stamp = token, -1
         return True
 

@@ -3,8 +3,8 @@
     python -m benchmarks motion
 
 Twice at each rate: with the driver in this process, a perfect arm that publishes its state by the absolute clock and
-notes when each answer is there; and with the real simulator, watched from within. Beside both, in turns of a second, a
-bare Zenoh round trip of the same sizes at the same pace between two processes.
+notes when each answer is there; and with the real simulator, watched from within. Beside both, in turns of half a
+second, a bare Zenoh round trip of the same sizes at the same pace between two processes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from benchmarks.motion.requests import Client, first_motions
 from benchmarks.report import Report, Table, median, percentile
 
 RATES = (250, 500)
-TURNS, SECONDS = 10, 1.0  # of each kind
+TURNS, SECONDS = 20, 0.5  # of each kind; a driver that is silent for 1.5 s counts as gone
 REQUESTS = 20
 _HEADER = (
     "driver", "commands per s", "µs median", "µs p99", "µs p99.9", "bare Zenoh µs median / p99", "ratio of medians",

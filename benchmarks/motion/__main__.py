@@ -2,11 +2,13 @@
 
 import argparse
 
-from benchmarks.motion import run
+from benchmarks.motion import SECONDS, TURNS, run
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m benchmarks.motion", description=__doc__)
     parser.add_argument("--world", default="pick_station", help="whose arm1 moves (default pick_station)")
-    parser.add_argument("--seconds", type=float, default=1.0, help="of each of the ten turns (default 1)")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help=f"of each of the {TURNS} turns (default {SECONDS:g})"
+    )
     arguments = parser.parse_args()
     print(run(arguments.world, arguments.seconds).markdown())

@@ -90,19 +90,23 @@ class Controller:
 
     def take(self) -> ControllerOutput:
         """Everything that is to be sent since the last call."""
+        self._reports.status()
         return self._outbox.take()
 
     # -- inputs -------------------------------------------------------------------------------------------------------
 
     def request(self, session: str, text: str, ticket: object) -> None:
+        self._reports.status()
         self._requests.request(session, text, ticket)
 
     def stop_request(self, session: str, text: str, ticket: object) -> None:
         """A request on the query that is for stops only. It waits for nothing."""
+        self._reports.status()
         self._requests.stop_request(session, text, ticket)
 
     def disconnected(self, session: str) -> None:
         """A client's connection is closed."""
+        self._reports.status()
         self._requests.disconnected(session)
 
     def reset(self, why: str) -> None:
@@ -133,10 +137,12 @@ class Controller:
     def poll(self) -> None:
         """Between ticks: answers plans that are ready, so that a paused world answers too, and publishes what need not
         be ready before a command is sent."""
+        self._reports.status()
         self._requests.take_in(lockstep=False)
         if self._arm.connected:
             self._arm.collect_plans()
             self._reports.path()
+            self._arm.motion.prepare()
 
     def tick(self, state: ArmState, lockstep: bool) -> ArmCommand:
         """One control period. ``lockstep``: the driver waits for the command, so plans are waited for here."""
@@ -158,7 +164,7 @@ class Controller:
             requests.apply(requests.dispatcher.at_rest(serial, now))
         if (contact := self._arm.contact.news()) is not None:
             self._outbox.output.events.append(MotionEvent(stamp=now, name="contact", info=contact))
-        self._reports.status(requests.dispatcher, state, commanded)
+        self._reports.ticked(requests.dispatcher, state, commanded)
         return self._fenced(state, mode, values)
 
     def _watch_driver(self, state: ArmState) -> None:

@@ -19,18 +19,26 @@ class Reporter:
     def __init__(self, arm: ArmControl, stopwatch: Stopwatch, outbox: Outbox) -> None:
         self._arm, self._outbox = arm, outbox
         self.watch = LoopWatch(arm.motion, stopwatch)
-        self._slot = -1
+        self.reset()
 
     def reset(self) -> None:
         """The next tick publishes a status."""
         self._slot = -1
+        self._ticked: tuple[Dispatcher, ArmState, Array] | None = None
 
-    def status(self, dispatcher: Dispatcher, state: ArmState, commanded: Array) -> None:
-        """After a tick that answers ``state``, for which the joints ``commanded`` (n,) had been asked."""
+    def ticked(self, dispatcher: Dispatcher, state: ArmState, commanded: Array) -> None:
+        """There was a tick that answers ``state``, for which the joints ``commanded`` (n,) had been asked."""
+        if self._arm.now // STATUS_PERIOD_NS != self._slot or dispatcher.streaming:
+            self._ticked = dispatcher, state, commanded
+
+    def status(self) -> None:
+        """As of the last tick, if it is due and not made yet: before anything else changes, but after the command is
+        sent, for it costs more than the tick."""
+        if self._ticked is None:
+            return
+        (dispatcher, state, commanded), self._ticked = self._ticked, None
         now = self._arm.now
         slot = now // STATUS_PERIOD_NS
-        if slot == self._slot and not dispatcher.streaming:
-            return  # making a status costs more than the rest of a tick
         status, output = self._arm.status(), self._outbox.output
         output.streams.extend((session, text.decode()) for session, text in dispatcher.due(status, now))
         if slot != self._slot:

@@ -125,10 +125,10 @@ def test_a_person_on_the_goal_is_waited_for_seen_or_not(goal: float, stays: floa
 def test_makes_room_for_a_person_who_waits_for_it_on_the_goal(driver: JoinedChassis) -> None:
     """People stop for a robot right in front of them: each would wait for the other to leave."""
     put(driver, 1.0, 0.2, 3.14159)
-    begin, end = Pose2(x=-0.7, y=0.0, yaw=0.0), Pose2(x=6.0, y=0.0, yaw=0.0)
+    begin, end = Pose2(x=-0.7, y=0.0, yaw=0.0), Pose2(x=9.0, y=0.0, yaw=0.0)
     driver.world.ask(Place(name="p", kind="person", pose=begin, walk=(begin, end), speed=0.9))
-    driver.world.advance(1.5)
-    move = driver.drive(standard(0.1, 0.2, 3.14159), within=50.0)
+    driver.world.advance(1.0)
+    move = driver.drive(standard(0.1, 0.2), within=40.0)
     assert move.state == "succeeded", move
     assert driver.world.inspect().contact_count == 0
 

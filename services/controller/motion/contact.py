@@ -5,10 +5,9 @@ Pure: arm states and commanded positions in, what exceeds its bound out. No safe
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Literal
-
-import numpy as np
+from typing import Literal, NamedTuple
 
 from rackhand.schemas.arrays import Array
 from rackhand.schemas.crf_contact import Contact
@@ -40,14 +39,14 @@ class ContactWatch:
     def __init__(self, arm: ik.Arm, bounds: ContactBounds = ContactBounds()) -> None:
         self.bounds = bounds
         self._observer = DisturbanceObserver(arm)
-        self._torque_bound = bounds.torque * arm.limits.torque
+        self._torques: list[float] = (bounds.torque * arm.limits.torque).tolist()
         self.reset()
 
     def reset(self) -> None:
         """The arm is another, or its states begin anew."""
         self._observer.reset()
         self._stamp: int | None = None
-        self._usual = np.zeros(3)
+        self._usual = [0.0] * 3  # N, base axes
         self._seen = 0
 
     def take(self, state: ArmState) -> None:
@@ -60,33 +59,50 @@ class ContactWatch:
         candidates = [self._torque(state), self._force(state, rotation)]
         if not catching_up:
             candidates.append(self._following(state, commanded))
-        worst = max(candidates, key=lambda contact: contact.value / contact.bound)
+        worst = max(candidates, key=_Excess.share)
         self._seen = self._seen + 1 if worst.value > worst.bound else 0
         self._stamp = state.stamp
-        return worst if self._seen >= self.bounds.ticks else None
+        return worst.contact() if self._seen >= self.bounds.ticks else None
 
-    def _following(self, state: ArmState, commanded: Array) -> Contact:
-        error = np.abs(np.array(state.q) - commanded)
-        bound = self.bounds.following + self.bounds.following_time * np.abs(state.dq)
-        return _worst("following", error, bound, "rad")
+    def _following(self, state: ArmState, commanded: Array) -> _Excess:
+        bounds, goals = self.bounds, commanded.tolist()
+        errors = [abs(q - goal) for q, goal in zip(state.q, goals, strict=True)]
+        return _worst("following", errors, [bounds.following + bounds.following_time * abs(v) for v in state.dq], "rad")
 
-    def _torque(self, state: ArmState) -> Contact:
-        return _worst("torque", np.abs(self._observer.see(state)), self._torque_bound, "N·m")
+    def _torque(self, state: ArmState) -> _Excess:
+        return _worst("torque", [abs(torque) for torque in self._observer.see(state).tolist()], self._torques, "N·m")
 
-    def _force(self, state: ArmState, rotation: Array) -> Contact:
-        force = rotation @ np.array(state.wrench[:3])
+    def _force(self, state: ArmState, rotation: Array) -> _Excess:
+        x, y, z = state.wrench[:3]
+        force = [row[0] * x + row[1] * y + row[2] * z for row in rotation.tolist()]
         dt = 0.0 if self._stamp is None else (state.stamp - self._stamp) * 1e-9
-        if dt <= 0.0:
-            self._usual = force
-        else:
-            self._usual = self._usual + (force - self._usual) * min(dt / self.bounds.settling, 1.0)
-        beside = float(np.linalg.norm(force - self._usual))
-        return Contact(kind="force", joint=None, value=beside, bound=self.bounds.force, unit="N")
+        share = min(dt / self.bounds.settling, 1.0) if dt > 0.0 else 1.0
+        self._usual = [usual + (now - usual) * share for now, usual in zip(force, self._usual, strict=True)]
+        return _Excess("force", None, math.dist(force, self._usual), self.bounds.force, "N")
 
 
-def _worst(kind: Literal["following", "torque"], values: Array, bounds: Array, unit: Literal["rad", "N·m"]) -> Contact:
-    joint = int(np.argmax(values / bounds))
-    return Contact(kind=kind, joint=joint, value=float(values[joint]), bound=float(bounds[joint]), unit=unit)
+class _Excess(NamedTuple):
+    """What may be a contact: of these there are three at every tick."""
+
+    kind: Literal["following", "torque", "force"]
+    joint: int | None
+    value: float
+    bound: float
+    unit: Literal["rad", "N·m", "N"]
+
+    def share(self) -> float:
+        return self.value / self.bound
+
+    def contact(self) -> Contact:
+        return Contact(kind=self.kind, joint=self.joint, value=self.value, bound=self.bound, unit=self.unit)
+
+
+def _worst(
+    kind: Literal["following", "torque"], values: list[float], bounds: list[float], unit: Literal["rad", "N·m"]
+) -> _Excess:
+    shares = [value / bound for value, bound in zip(values, bounds, strict=True)]
+    joint = shares.index(max(shares))
+    return _Excess(kind, joint, values[joint], bounds[joint], unit)
 
 
 def describe(contact: Contact) -> str:

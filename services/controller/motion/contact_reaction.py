@@ -39,8 +39,7 @@ class ContactReaction:
         late |= self._delay.late(state)
         if late or motion.hands_over:
             self._caught_up = state.stamp + CATCHING_UP_NS
-        rotation = motion.kinematics.forward(motion.q).rotation
-        contact = self.watch.see(state, motion.q, rotation, catching_up=state.stamp < self._caught_up)
+        contact = self.watch.see(state, motion.q, motion.rotation, catching_up=state.stamp < self._caught_up)
         if contact is None:
             return None
         stops = motion.tuning.stops_on_contact and not (motion.standing or motion.gives_way or motion.by_torque)

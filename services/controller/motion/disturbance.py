@@ -33,12 +33,13 @@ class DisturbanceObserver:
 
     def __init__(self, arm: ik.Arm) -> None:
         self._arm = arm
-        self._data = arm.model.createData()
+        self._data, self._damping = arm.model.createData(), arm.model.damping.copy()
         # The flange in the frame of the last joint.
         pin.forwardKinematics(arm.model, self._data, arm.home)
         tool = ik.forward(arm, arm.home)
         self._flange = self._data.oMi[arm.model.njoints - 1].inverse() * pin.SE3(tool[:, :3], tool[:, 3])
-        self._forces = [pin.Force.Zero() for _ in range(arm.model.njoints)]
+        self._forces = pin.StdVec_Force()  # a list would be converted at every call
+        self._forces.extend([pin.Force.Zero() for _ in range(arm.model.njoints)])
         self.reset()
 
     def reset(self) -> None:
@@ -77,10 +78,10 @@ class DisturbanceObserver:
             self.torque = np.zeros(self._arm.n)
         elif self._known:
             model, forces = self._arm.model, self._forces
-            forces[-1] = self._flange.act(pin.Force(self._wrench / ns))
+            forces[model.njoints - 1] = self._flange.act(pin.Force(self._wrench / ns))
             middle = 0.5 * (v + self._velocity)
             needed = pin.rnea(model, self._data, q - 0.5 * dt * v, middle, (v - self._velocity) / dt, forces)
-            residual = needed + model.damping * middle - self._impulse / ns
+            residual = needed + self._damping * middle - self._impulse / ns
             self.torque = self.torque + (residual - self.torque) * (GAIN * dt / (1.0 + GAIN * dt))
         self._stamp, self._velocity = state.stamp, v
         self._begin(known=True)

@@ -19,6 +19,7 @@ from rackhand.schemas.crf import CrfCode
 from rackhand.schemas.motion import ArmState
 from rackhand.services.controller import ik
 from rackhand.services.controller.motion.braking import braking
+from rackhand.services.controller.motion.foresight import Foresight
 from rackhand.services.controller.motion.kinematics import ArmKinematics
 from rackhand.services.controller.motion.meter import Stopwatch, no_stopwatch
 from rackhand.services.controller.motion.metered_solver import MeteredSolver
@@ -53,6 +54,7 @@ class MotionExecutor:
     def __init__(self, arm: ik.Arm, period: float, stopwatch: Stopwatch = no_stopwatch) -> None:
         self.arm, self.period = arm, period
         self.kinematics = ArmKinematics(arm)
+        self._foresight = Foresight(self.kinematics)
         self.solver = MeteredSolver(ik.DifferentialIk(arm, period), stopwatch)
         self.tuning = Tuning(self.solver.ik)
         self.profile = MotionProfile.default(arm)
@@ -113,6 +115,11 @@ class MotionExecutor:
     def hands_over(self) -> bool:
         """Whether the driver has not taken the first position after a torque yet."""
         return self._hands_over is not None
+
+    @property
+    def rotation(self) -> Array:
+        """(3, 3), of the flange in the base, as commanded."""
+        return self._foresight.rotation(self.q)
 
     @property
     def low_manipulability(self) -> bool:
@@ -253,12 +260,18 @@ class MotionExecutor:
         self.codes = frozenset(codes)
         return mode, values.tolist()
 
+    def prepare(self) -> None:
+        """Between ticks: computes what the next tick needs if nothing changes until then."""
+        if self._active is None and self.queue.motions and not self._by_solver:
+            self._foresight.sample(self.queue, self.time + self.period)
+        self._foresight.rotation(self.q)
+
     def _path(self, codes: set[CrfCode]) -> None:
         ahead = self.time + self.period
         if self._by_solver:
             self._track(self.queue.at(self.time), codes)
         else:
-            sample = self.queue.at(ahead)
+            sample = self._foresight.sample(self.queue, ahead)
             self.q, self.v, self.a = sample.q, sample.dq, sample.ddq
             if sample.task is not None and self.low_manipulability:
                 codes.add(CrfCode.LowManipulability)

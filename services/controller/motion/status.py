@@ -35,28 +35,35 @@ class StatusCodes:
 
 
 class Observer:
-    """Computes signals from arm states. Accelerations are differences of measured velocities, so the second state is
-    the first to have one."""
+    """Computes signals from arm states, when a status is asked for. Accelerations are differences of measured
+    velocities, so the second state is the first to have one."""
 
     def __init__(self, kinematics: ArmKinematics) -> None:
         self._kinematics = kinematics
-        self._last: tuple[int, Array, Array] | None = None
-        self._rates: tuple[Array, Array] | None = None
+        self._before: ArmState | None = None
         self.state: ArmState | None = None
 
     def see(self, state: ArmState) -> None:
+        """At every tick, so that nothing is computed here."""
+        if self.state is not None and state.stamp > self.state.stamp:
+            self._before = self.state
         self.state = state
-        q, dq = np.array(state.q), np.array(state.dq)
-        twist = self._kinematics.jacobian(q) @ dq
-        if self._last is not None and state.stamp > self._last[0]:
-            dt = (state.stamp - self._last[0]) * 1e-9
-            self._rates = ((dq - self._last[1]) / dt, (twist - self._last[2]) / dt)
-        self._last = (state.stamp, dq, twist)
+
+    def _twist(self, state: ArmState) -> Array:
+        return np.asarray(self._kinematics.jacobian(np.array(state.q)) @ np.array(state.dq))
+
+    def _rates(self, state: ArmState, twist: Array) -> tuple[Array | None, Array | None]:
+        """Joint and task acceleration."""
+        before = self._before
+        if before is None or before.stamp >= state.stamp:
+            return None, None
+        dt = (state.stamp - before.stamp) * 1e-9
+        return (np.array(state.dq) - np.array(before.dq)) / dt, (twist - self._twist(before)) / dt
 
     def status(self, codes: tuple[int, ...], running: bool, contact: Contact | None = None) -> MotionStatus:
         """Without the fields of priority access (``Dispatcher.complete`` adds it)."""
-        state, last = self.state, self._last
-        if state is None or last is None:
+        state = self.state
+        if state is None:
             missing = CrfCode.NotInitialized
             return MotionStatus(
                 status="deinitialize",
@@ -74,7 +81,8 @@ class Observer:
             )
         pose = self._kinematics.forward(np.array(state.q))
         wrench = np.concatenate([pose.rotation @ state.wrench[:3], pose.rotation @ state.wrench[3:]])
-        ddq, acceleration = self._rates or (None, None)
+        twist = self._twist(state)
+        ddq, acceleration = self._rates(state, twist)
         return MotionStatus(
             status="initialize",
             priority_under_control=0,
@@ -87,7 +95,7 @@ class Observer:
             task_pose=Expected[TaskPose].of(
                 TaskPose(position=_three(pose.translation), orientation=Orientation.of(pose.rotation))
             ),
-            task_velocity=Expected[CrfVec6].of(_six(last[2])),
+            task_velocity=Expected[CrfVec6].of(_six(twist)),
             task_acceleration=_task(acceleration),
             task_force_torque=Expected[CrfVec6].of(_six(wrench)),
             stamp=state.stamp,

@@ -6,6 +6,7 @@ clock. The braking guard checks what it returns.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -106,8 +107,9 @@ class Context:
     def request_plan(self, request: PlanRequest) -> None:
         """Ask for a plan on the map and what is observed on it now; ``plans.collect()`` has the answer, a tick later at
         the earliest."""
-        observed = self.costmap.observed_cells(request.seen_within)
-        scene = PlanningScene(self.costmap.static, observed, self.footprint, self.settings)
+        observed, within = self.costmap.observed_cells(), request.seen_within
+        seen = self.costmap.observed_cells(within) if math.isfinite(within) else None
+        scene = PlanningScene(self.costmap.static, observed, self.footprint, self.settings, seen)
         self.plans.submit(request, scene)
 
 

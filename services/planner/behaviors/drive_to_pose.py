@@ -206,7 +206,7 @@ class DriveToPose:
     def _recover(self, ctx: Context) -> Twist2:
         wanted = self._recovery.command(ctx.stamp, ctx.pose, ctx.vetoed)
         if wanted is None:
-            self._keeper.discard(ctx, tight=True)
+            self._keeper.discard(ctx, tight=True, made_room=self._keeper.without_path(ctx.stamp) > 0.0)
             return STANDSTILL
         return wanted
 

@@ -51,6 +51,8 @@ class PlanKeeper:
         self._failed = False
         self._no_path_since: int | None = None
         self._doubt_before: int | None = None
+        self._made_room = False
+        self._is_doubtful = False  # the route leads through what was observed
         self._path_on_static_map = False
 
     @property
@@ -59,8 +61,9 @@ class PlanKeeper:
         return self._blocked_since is not None
 
     def without_path(self, stamp: int) -> float:
-        """Seconds since there is no path; 0 while there is one."""
-        return 0.0 if self._no_path_since is None else (stamp - self._no_path_since) / NANOSECONDS
+        """Seconds since there is no path; 0 while there is one, or while the chassis drives to see whether there is."""
+        drives = self.route is not None and not self.is_blocked
+        return 0.0 if self._no_path_since is None or drives else (stamp - self._no_path_since) / NANOSECONDS
 
     def request(
         self,
@@ -76,7 +79,12 @@ class PlanKeeper:
         ``seen_within``: seconds; through obstacles that were not seen since.
         """
         self._requested_at, self._better_than = ctx.stamp, better_than
-        ctx.request_plan(PlanRequest(ctx.pose.copy(), self._target, static_only, tight, seen_within=seen_within))
+        ctx.request_plan(
+            PlanRequest(
+                ctx.pose.copy(), self._target, static_only, tight,
+                seen_within=seen_within, by_cell=self._made_room,
+            )
+        )  # fmt: skip
 
     def take_no_path(self) -> bool:
         """Whether there is no path to what was aimed at; once for each answer of the planner."""
@@ -87,12 +95,14 @@ class PlanKeeper:
         """Plan to another place from the next request on."""
         self._target = target
 
-    def discard(self, ctx: Context, *, tight: bool = False) -> None:
+    def discard(self, ctx: Context, *, tight: bool = False, made_room: bool = False) -> None:
         """The route's end was not the goal, or it cannot be driven: replan, and stop until then.
 
-        From where the chassis is now, something may hide what it saw before: that may be doubted again.
+        ``made_room``: somebody who came after the chassis hides where they were, and that is doubted.
         """
-        self.route, self.free, self._blocked_since, self._doubt_before = None, math.inf, None, None
+        self.route, self.free, self._blocked_since = None, math.inf, None
+        if made_room:
+            self._made_room, self._doubt_before = True, None
         self.request(ctx, tight=tight)
 
     def resume(self, ctx: Context) -> None:
@@ -114,7 +124,7 @@ class PlanKeeper:
             self._watch(ctx, self.route)
         if ctx.plans.pending is None:
             self._request_if_needed(ctx, stuck)
-        if self.route is not None and not self.is_blocked and not stuck:
+        if self.route is not None and not self.is_blocked and not stuck and not self._is_doubtful:
             self._no_path_since = None  # it is driven along: what was looked for is another one
         self._check_patience(ctx)
         return taken
@@ -131,6 +141,7 @@ class PlanKeeper:
             return False
         if not _doubts(answer.request):
             self._no_path = self._no_path_since = self._doubt_before = None
+            self._is_doubtful = self._made_room = False
         plan = answer.plan
         if plan is None or plan.length >= self._better_than:
             return False
@@ -138,6 +149,7 @@ class PlanKeeper:
         if not _begins_here(route, ctx):
             return False
         self.route, self._blocked_since = route, None
+        self._is_doubtful = _doubts(answer.request)
         self.plans += 1
         return True
 
@@ -155,17 +167,16 @@ class PlanKeeper:
         if not self.plans and not self._path_on_static_map:  # the map alone shows whether waiting can help
             self._failed = True
             self.request(ctx, static_only=True)
-        elif _leaves_out(ctx.costmap, within := (ctx.stamp - self._doubt_before) / NANOSECONDS):
-            self.request(ctx, better_than=self._better_than, tight=request.tight, seen_within=within)
         else:
-            self._failed = True
+            within = (ctx.stamp - self._doubt_before) / NANOSECONDS
+            self.request(ctx, better_than=self._better_than, tight=request.tight, seen_within=within)
 
     def _watch(self, ctx: Context, route: Route) -> None:
         """Where on the route the chassis is, and whether it is free ahead."""
         route.current.update(ctx.pose)
         self.free, self._blocked_at = route.free_distance(ctx.costmap, ctx.footprint, ctx.settings.path_check_distance)
         if math.isinf(self.free):
-            if self._blocked_since is not None:
+            if self._blocked_since is not None and not self._is_doubtful:
                 self._no_path_since = None  # it is free again: no other path is needed
             self._blocked_since = None
         elif self._blocked_since is None:
@@ -209,11 +220,6 @@ class PlanKeeper:
 
 def _doubts(request: PlanRequest) -> bool:
     return math.isfinite(request.seen_within)
-
-
-def _leaves_out(costmap: LocalCostmap, seen_within: float) -> bool:
-    """Whether an obstacle is remembered that was not seen in that many seconds."""
-    return len(costmap.observed_cells(seen_within)) < len(costmap.observed_cells())
 
 
 def _begins_here(route: Route, ctx: Context) -> bool:

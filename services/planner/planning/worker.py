@@ -21,6 +21,7 @@ from rackhand.services.planner.geometry.se2 import Pose
 from rackhand.services.planner.map.grid import StaticMap
 from rackhand.services.planner.planning.bottleneck import bottleneck
 from rackhand.services.planner.planning.corridor import Corridor
+from rackhand.services.planner.planning.doubt import still_there
 from rackhand.services.planner.planning.plan import NoPathFound, Plan, Target
 from rackhand.services.planner.planning.windows import LargePlanner
 from rackhand.services.planner.settings import NavigationSettings
@@ -31,7 +32,7 @@ class PlanRequest:
     """``static_only``: leave out observed obstacles. ``tight``: search with the footprint at once. ``corridor``: what
     the chassis' origin must not leave. ``clear_around``: metres about the target within which observed obstacles are
     left out, because they are the target itself. ``seen_within``: seconds; observed obstacles that were not seen
-    since are left out."""
+    since are left out: whole ones, or ``by_cell`` also what one that is there hides."""
 
     start: Pose
     target: Target
@@ -40,19 +41,22 @@ class PlanRequest:
     corridor: Corridor | None = None
     clear_around: float = 0.0
     seen_within: float = math.inf
+    by_cell: bool = False
 
 
 @dataclass(frozen=True)
 class PlanningScene:
     """What is planned on: nothing in it changes while the worker reads it.
 
-    ``observed``: flat indices of the map's cells that hold an observed obstacle.
+    ``observed``: flat indices of the map's cells that hold an observed obstacle; ``seen``: of those that were seen in
+    the time that a request asks for, None for all.
     """
 
     static: StaticMap
     observed: NDArray[np.int64]
     footprint: Footprint
     settings: NavigationSettings
+    seen: NDArray[np.int64] | None = None
 
     def planner(self, request: PlanRequest) -> LargePlanner:
         """On all cells that must be avoided."""
@@ -64,6 +68,8 @@ class PlanningScene:
         observed, g = self.observed, self.static.geometry
         if request.static_only:
             return observed[:0]
+        if self.seen is not None:
+            observed = self.seen if request.by_cell else still_there(observed, self.seen, g)
         if request.clear_around:
             x = g.x + (observed % g.columns + 0.5) * g.resolution - request.target.x
             y = g.y + (observed // g.columns + 0.5) * g.resolution - request.target.y
@@ -129,6 +135,8 @@ class PlanWorker:
 
 
 def _plan(request: PlanRequest, scene: PlanningScene, cancelled: Event) -> Plan:
+    if scene.seen is not None and len(scene.avoided(request)) == len(scene.observed):
+        raise NoPathFound("disconnected", "there is nothing to doubt")
     planner = scene.planner(request)
     steps = planner.search(request.start, request.target, request.tight, request.corridor)
     while not cancelled.is_set():
