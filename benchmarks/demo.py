@@ -124,11 +124,12 @@ def report(runs: list[Played]) -> Report:
         for played in runs
     ]
     return Report(
-        f"The demonstration: {len(passed)} of {len(runs)} seeds",
+        "The demonstration",
         f"python -m benchmarks demo --count {len(runs)}",
         ("seed", "result", "robot's clock, s", "jars beside their places, mm", "rack off its point, mm"),
         rows,
-        "Lockstep, the whole cell, public APIs only; judged by the ground truth: each jar within "
-        f"{1e3 * JAR_OFF:.0f} mm of its place and standing, the rack within {1e3 * RACK_OFF:.0f} mm of its point, no "
-        f"contact, the arm given back. Median wall time of a run here: {median([one.wall for one in runs]):.0f} s.",
+        f"{len(passed)} of {len(runs)} seeds pass. Lockstep, the whole cell, public APIs only; judged by the ground "
+        f"truth: each jar within {1e3 * JAR_OFF:.0f} mm of its place and standing, the rack within "
+        f"{1e3 * RACK_OFF:.0f} mm of its point, no contact, the arm given back. Median wall time of a run here: "
+        f"{median([one.wall for one in runs]):.0f} s.",
     )
