@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from rackhand.runtime.periods import Periods
 from rackhand.schemas.world import Clock
 
 SILENCE = 1.5  # s of monotonic time without a measurement until a driver counts as silent, at speed 1 or more
@@ -27,6 +28,7 @@ class DriverLink:
         self.lockstep = False
         self.fault = f"{driver} is not connected"  # why it is not alive; "" while it is
         self._driver, self._period_ns = driver, period_ns
+        self._periods = Periods(period_ns)
         self._present: bool | None = None
         self._last_sign = 0.0  # monotonic time of the last sign of life
         self._timeout = SILENCE
@@ -34,7 +36,6 @@ class DriverLink:
         self._run: str | None = None
         self._voided = False
         self._stamps: dict[str, int] = {}
-        self._answered: int | None = None
 
     @property
     def alive(self) -> bool:
@@ -89,12 +90,8 @@ class DriverLink:
         return None if self.fault or self.lockstep else self._last_sign + self._timeout - now
 
     def due(self, stamp: int) -> Literal["tick", "repeat", "skip"]:
-        """What the measurement of ``stamp`` asks for: the first of each period a tick, which counts as done, and one
-        that is published again the same command again."""
-        if self._answered is None or stamp // self._period_ns != self._answered // self._period_ns:
-            self._answered = stamp
-            return "tick"
-        return "repeat" if stamp == self._answered else "skip"
+        """What the measurement of ``stamp`` asks for; see ``Periods``."""
+        return self._periods.due(stamp)
 
     def _lost(self, why: str) -> str:
         self.fault = why
@@ -103,4 +100,4 @@ class DriverLink:
 
     def _forget(self) -> None:
         self._stamps.clear()
-        self._answered = None
+        self._periods = Periods(self._period_ns)
