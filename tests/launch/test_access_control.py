@@ -111,5 +111,5 @@ def test_zenoh_lets_through_what_the_table_allows_and_nothing_else(endpoint: str
             viewer.call(topics.MOVES, request, "amr1", timeout=1.0)
         assert served.get(timeout=0) is None
         with pytest.raises(CallTimeout):  # the planner here does not answer, but it was asked
-            gateway.call(topics.MOVES, request, "amr1", timeout=1.0)
+            gateway.call_when_served(topics.MOVES, request, "amr1", timeout=1.0)
         assert served.get(timeout=20) is not None
