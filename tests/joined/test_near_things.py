@@ -133,6 +133,14 @@ def test_makes_room_for_a_person_who_waits_for_it_on_the_goal(driver: JoinedChas
     assert driver.world.inspect().contact_count == 0
 
 
+def test_backs_out_from_beside_a_person_who_stands_so_close_that_it_cannot_turn(driver: JoinedChassis) -> None:
+    put(driver, 1.0, 0.0, 3.03)
+    driver.world.ask(Place(name="p", kind="person", pose=Pose2(x=0.74, y=-0.5, yaw=0.0)))
+    move = driver.drive(standard(4.0, 2.0), within=40.0)
+    assert move.state == "succeeded", move
+    assert driver.world.inspect().contact_count == 0
+
+
 @pytest.mark.parametrize("goal", [-4.0, 3.0])
 def test_a_crate_on_the_goal_for_good_is_14_seen_or_not(goal: float, impatient: JoinedChassis) -> None:
     put(impatient, -7.0, 0.0, 0.0)

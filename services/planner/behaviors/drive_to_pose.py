@@ -48,6 +48,7 @@ from rackhand.services.planner.planning.plan import NOWHERE
 
 STAND_OFF = 5.0  # s without a path, after which the chassis makes room for who may wait for that
 FACING = 1.0  # m between its origin and who does, beyond their radius
+BOXED_IN = 0.1  # m of clearance, below which the first step of a search, from cell to cell, may find no room
 NO_FIELD = CostField(np.empty((0, 0), dtype=np.float32), NOWHERE)
 
 
@@ -195,13 +196,18 @@ class DriveToPose:
         return self._rotate(ctx) if self._stage == "rotating" else STANDSTILL
 
     def _makes_room(self, ctx: Context) -> bool:
-        """Whether the chassis backs away from now on: it has no path, and somebody who came lately is close to it.
-        People and vehicles on the goal or on the way to it may be waiting for the chassis to move, and it for them."""
+        """Whether the chassis backs away from now on: it has no path, and somebody who came lately is close to it, or
+        something is so close beside it that it cannot turn out. People and vehicles on the goal or on the way to it may
+        be waiting for the chassis to move, and it for them."""
         if self._keeper.without_path(ctx.stamp) < STAND_OFF or self._checker.turn_only or not is_still(ctx.twist):
             return False
-        if not ctx.costmap.movers.moved_near(ctx.pose[:2], FACING, ctx.stamp):
+        if not ctx.costmap.movers.moved_near(ctx.pose[:2], FACING, ctx.stamp) and not self._is_boxed_in(ctx):
             return False
         return self._recovery.begin(ctx.stamp, ctx.pose, ctx.costmap, ctx.footprint, OUT_OF_WAY)
+
+    def _is_boxed_in(self, ctx: Context) -> bool:
+        tight = ctx.costmap.near.clearance(ctx.footprint, ctx.pose, BOXED_IN) < BOXED_IN
+        return tight and self._keeper.lacks_room_to_turn
 
     def _recover(self, ctx: Context) -> Twist2:
         wanted = self._recovery.command(ctx.stamp, ctx.pose, ctx.vetoed)

@@ -65,6 +65,11 @@ class PlanKeeper:
         drives = self.route is not None and not self.is_blocked
         return 0.0 if self._no_path_since is None or drives else (stamp - self._no_path_since) / NANOSECONDS
 
+    @property
+    def lacks_room_to_turn(self) -> bool:
+        """Whether there is a path for the inscribed circle, and none for the footprint."""
+        return self._no_path is not None and self._no_path.kind == "footprint"
+
     def request(
         self,
         ctx: Context,
