@@ -6,12 +6,10 @@ from collections import deque
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from rackhand.schemas.arrays import Array
 from rackhand.services.controller.ik import Arm
 from rackhand.services.sim.arm.efforts import Efforts
-
-Array = NDArray[np.float64]
 
 STEP = 0.001  # s of its servo
 BANDWIDTH = 100.0  # rad/s, the poles of its servo

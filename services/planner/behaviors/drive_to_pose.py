@@ -206,8 +206,9 @@ class DriveToPose:
         return self._recovery.begin(ctx.stamp, ctx.pose, ctx.costmap, ctx.footprint, OUT_OF_WAY)
 
     def _is_boxed_in(self, ctx: Context) -> bool:
-        tight = ctx.costmap.near.clearance(ctx.footprint, ctx.pose, BOXED_IN) < BOXED_IN
-        return tight and self._keeper.lacks_room_to_turn
+        if not self._keeper.lacks_room_to_turn:
+            return False
+        return bool(ctx.costmap.near.clearance(ctx.footprint, ctx.pose, BOXED_IN) < BOXED_IN)
 
     def _recover(self, ctx: Context) -> Twist2:
         wanted = self._recovery.command(ctx.stamp, ctx.pose, ctx.vetoed)

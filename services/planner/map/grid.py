@@ -160,8 +160,7 @@ def clip(geometry: Geometry, start: Points, end: Points) -> tuple[Points, Points
 
 def _inside(geometry: Geometry, zone: Zone) -> tuple[tuple[slice, slice], Mask]:
     """The window of rows and columns about a zone, and which of its cells have their centre inside."""
-    corners = np.vstack(zone.rings)
-    rows, columns = geometry.window(corners.min(axis=0).tolist(), corners.max(axis=0).tolist())
+    rows, columns = geometry.window(*zone.bounds)
     x = geometry.x + (np.arange(columns.start, columns.stop) + 0.5) * geometry.resolution
     y = geometry.y + (np.arange(rows.start, rows.stop) + 0.5) * geometry.resolution
     return (rows, columns), inside(zone.rings, x, y)

@@ -85,16 +85,16 @@ class Zone(Feature):
     rings: tuple[Points, ...]
 
     def contains(self, x: float, y: float) -> bool:
-        (left, low), (right, high) = self._bounds
+        (left, low), (right, high) = self.bounds
         if not (left <= x <= right and low <= y <= high):
             return False
         return bool(inside(self.rings, np.array([x]), np.array([y]))[0, 0])
 
     @cached_property
-    def _bounds(self) -> list[list[float]]:
-        """Of all rings: the least and the greatest x and y. Most places that are asked about are far from a zone."""
-        points = np.vstack(self.rings)
-        return [points.min(axis=0).tolist(), points.max(axis=0).tolist()]
+    def bounds(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """The least and the greatest x and y of all rings. Most places that are asked about are far from a zone."""
+        (left, low), (right, high) = (bound(np.vstack(self.rings), axis=0).tolist() for bound in (np.min, np.max))
+        return (left, low), (right, high)
 
 
 @dataclass(frozen=True)
