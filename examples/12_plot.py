@@ -22,6 +22,8 @@ for chunk in RrdReader(recording).stream():
         if frame in paths:
             paths[frame].append((stamp, position[0], position[1]))
 
+if not all(paths.values()):
+    sys.exit(f"{recording} does not hold both the true and the localised pose of {ROBOT}: record while it moves")
 points = [point for path in paths.values() for point in path]
 low = [min(point[axis] for point in points) for axis in (1, 2)]
 span = max(max(point[axis] for point in points) - low[axis - 1] for axis in (1, 2)) or 1.0

@@ -29,7 +29,7 @@ log = get_logger(__name__)
 
 READ_AHEAD = 1024  # events a frame takes in at most
 ROWS_EVERY, REPEAT_EVERY = 1.0, 5.0  # seconds of wall time
-REST = 9.0  # nothing is drawn for at least this many times as long as the last frame took
+REST, LONGEST_REST = 9.0, 1.0  # after a frame: times as long as it took, and seconds of wall time at most
 SETTLED = 0.5  # seconds of wall time without another robot
 CLOCK_PATIENCE = 1.0  # seconds of wall time after which a cell without a clock is drawn
 AHEAD = 5 * NANOSECONDS  # what is stamped later than this after the clock is of a run that is over
@@ -98,9 +98,9 @@ def numbered(path: Path, number: int) -> Path:
 
 def next_frame(due: float, begun: float, ended: float, period: float) -> float:
     """Due time of the next frame, all in seconds. On a busy machine a frame takes long, and the next one waits in
-    proportion: the control loops need the processor more.
+    proportion, up to ``LONGEST_REST``: the control loops need the processor more.
     """
-    return max(due + period, ended + REST * (ended - begun))
+    return max(due + period, ended + min(REST * (ended - begun), LONGEST_REST))
 
 
 class Every:
@@ -146,18 +146,30 @@ class Viewer:
         self._layout_each_run = layout_each_run
 
     def run(self, alive: Callable[[], bool] = lambda: True) -> None:
-        """Draw until the bus stops, or what is drawn on is not ``alive`` any more."""
+        """Draw until the bus stops, or what is drawn on is not ``alive`` any more. What came by then is drawn."""
         due = time.monotonic()
         while not self._bus.stopping and alive():
             begun = time.monotonic()
             self.frame(begun)
             due = next_frame(due, begun, time.monotonic(), self._period)
             time.sleep(max(0.0, due - time.monotonic()))
-        if self._recording is not None:
-            self._recording.close()
+        if (recording := self._draw(time.monotonic())) is not None:
+            recording.close()
 
     def frame(self, wall: float) -> None:
         """Take in what has come, and draw it. ``wall`` is the machine's monotonic time in seconds."""
+        recording = self._draw(wall)
+        if recording is None:
+            return
+        self._lay_out(recording, wall)
+        if self._rows_due(wall):
+            recording.flush_rows()
+        if self._repeat_due(wall) and self._now != self._repeated:  # nothing changes while the simulation is paused
+            self._repeated = self._now
+            recording.repeat(self._now)
+
+    def _draw(self, wall: float) -> Recording | None:
+        """Draw what has come. Returns the recording; None before it is known which run it is of."""
         events = self._read()
         clocks = [event.message for event in events if isinstance(event, Sample) and event.topic is topics.CLOCK]
         if clocks:
@@ -168,14 +180,9 @@ class Viewer:
         self._waiting = []
         if self._recording is None:
             self._wait_for_clock(events, wall)
-            return
-        self._recording.write(self._drawn(events))
-        self._lay_out(self._recording, wall)
-        if self._rows_due(wall):
-            self._recording.flush_rows()
-        if self._repeat_due(wall) and self._now != self._repeated:  # nothing changes while the simulation is paused
-            self._repeated = self._now
-            self._recording.repeat(self._now)
+        else:
+            self._recording.write(self._drawn(events))
+        return self._recording
 
     def _lay_out(self, recording: Recording, wall: float) -> None:
         """Once the set of robots has settled: each layout is kept, and replaces what users made of the last."""

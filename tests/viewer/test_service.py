@@ -253,3 +253,13 @@ def test_frames_keep_their_pace_where_the_machine_does_and_wait_where_it_does_no
     assert next_frame(due=1.0, begun=1.0, ended=1.003, period=period) == pytest.approx(1.04)
     assert next_frame(due=1.0, begun=1.02, ended=1.024, period=period) == pytest.approx(1.06)
     assert next_frame(due=1.0, begun=1.0, ended=1.1, period=period) == pytest.approx(2.0)
+    assert next_frame(due=1.0, begun=1.0, ended=1.5, period=period) == pytest.approx(2.5), "at most a second"
+
+
+def test_what_came_after_the_last_frame_is_recorded_at_the_end(bench: Bench) -> None:
+    bench.clock(SECOND)
+    bench.frame()
+    crate_pose = ObjectPose(name="crate", position=(1, 2, 3), orientation=UPRIGHT)
+    bench.tell(topics.OBJECTS, "world", Objects(stamp=SECOND, objects=(crate_pose,)))
+    bench.end()
+    assert reading.newest(bench.file(1))["crate"][0] == (1, 2, 3)
