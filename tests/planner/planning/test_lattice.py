@@ -29,7 +29,7 @@ def corridor(width: float, closed_at: float = math.inf) -> DistanceGrid:
 
 
 def ends(start: tuple[float, float, float], goal: tuple[float, float, float], any_yaw: bool = False) -> Ends:
-    return Ends(np.array(start), np.array(goal), any_yaw, MARGINS)
+    return Ends(np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64), any_yaw, MARGINS)
 
 
 def search(grid: DistanceGrid, between: Ends, budget: int = 100_000) -> Search:
