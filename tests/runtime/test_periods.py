@@ -48,3 +48,12 @@ def test_after_a_gap_it_goes_on_with_the_newest_measurement() -> None:
     late = 10 * PERIOD + 1_000 * US
     stamps = [0, PERIOD, late, late + 1_000 * US, 11 * PERIOD, 12 * PERIOD]
     assert ticks(stamps) == [0, PERIOD, late, 11 * PERIOD, 12 * PERIOD]
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3, 7, 20])
+def test_after_a_gap_the_begins_of_periods_are_answered_as_before(lost: int) -> None:
+    """Of a driver with two measurements a period, an odd number of which may be lost."""
+    half = PERIOD // 2
+    stamps = [k * half for k in range(200) if not 40 <= k < 40 + lost]
+    first = (40 + lost) * half
+    assert ticks(stamps) == sorted({first, *(stamp for stamp in stamps if stamp % PERIOD == 0)})
