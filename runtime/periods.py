@@ -12,9 +12,9 @@ class Periods:
     """Of ``period_ns``. The first measurement is answered, then what comes at the begin of a period, counted from 0: so
     it is in a simulator, whose stamps are exact.
 
-    Stamps of real hardware jitter, and have any phase: what comes instead of what is expected is followed slowly, and
-    periods whose measurements were lost are counted on. By fixed limits of periods measurements would be now before and
-    now after them, as if one had been lost.
+    Stamps of real hardware jitter, and have any phase: what comes about when it is expected is followed slowly, and
+    where it was lost the next one takes its place, but not its time. By fixed limits of periods measurements would be
+    now before and now after them, as if one had been lost.
     """
 
     def __init__(self, period_ns: int) -> None:
@@ -37,7 +37,10 @@ class Periods:
             return "skip"
         else:
             missed = max(late // self._period_ns, 0.0) * self._period_ns
-            self._expected += missed + FOLLOWS * (late - missed)
+            late -= missed
+            self._expected += missed
+            if late <= NEAREST * self._usual_gap:  # else the one that was expected was lost
+                self._expected += FOLLOWS * late
         self._expected += self._period_ns
         self._answered = stamp
         return "tick"

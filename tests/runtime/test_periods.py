@@ -57,3 +57,11 @@ def test_after_a_gap_the_begins_of_periods_are_answered_as_before(lost: int) -> 
     stamps = [k * half for k in range(200) if not 40 <= k < 40 + lost]
     first = (40 + lost) * half
     assert ticks(stamps) == sorted({first, *(stamp for stamp in stamps if stamp % PERIOD == 0)})
+
+
+@pytest.mark.parametrize("seen", [0.95, 0.8, 0.6])
+def test_measurements_that_are_not_seen_do_not_change_which_ones_are_answered(seen: float) -> None:
+    """A busy service sees only the newest of those that have come."""
+    draw = random.Random(1)
+    stamps = [k * PERIOD // 2 for k in range(5_000) if draw.random() < seen]
+    assert {stamp for stamp in stamps[1:] if stamp % PERIOD == 0} <= set(ticks(stamps))
