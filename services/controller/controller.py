@@ -63,7 +63,7 @@ class Controller:
         )
         self._reports = Reporter(self._arm, stopwatch, self._outbox)
         self._guard = FencingGuard()
-        self._driver = DriverWatch()
+        self._driver = DriverWatch(period_ns)
         self.access, dispatcher = self._new_access()
         self._requests = RequestHandler(dispatcher, commands, self._arm, reader or executor, self._outbox)
 

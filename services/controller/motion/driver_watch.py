@@ -5,30 +5,39 @@ from __future__ import annotations
 from rackhand.schemas.motion import ArmState
 
 PATIENCE_NS = 60_000_000  # what was sent needs its way, and a driver may lose a command
+COUNTED = 2  # periods
 OLDEST_NS = 250_000_000  # a driver has stopped the arm by then
 LOST = 1.5  # periods by which the command that a driver follows is older than usual: two or more have not come
 FORGETS = 0.005  # share of an older command's age by which the usual one grows
 
 
 class DriverWatch:
-    """A driver that does not report what it follows (``ArmState.follows``) is trusted."""
+    """A driver that does not report what it follows (``ArmState.follows``) is trusted.
 
-    def __init__(self) -> None:
+    ``fault`` is asked once in each ``period_ns``. Where that came late, the driver had nothing newer to follow: of such
+    a gap no more than ``COUNTED`` periods count.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self._most = COUNTED * period_ns
         self.reset()
 
     def reset(self) -> None:
         """A new epoch: the driver has not heard of it."""
-        self._since: int | None = None
+        self._last = 0
+        self._wrong_for: int | None = None  # ns; None while it obeys
 
     def fault(self, state: ArmState, epoch: str) -> str:
         """Why commands of ``epoch`` do not move the arm; empty while they do, or may soon."""
         wrong = _wrong(state, epoch)
+        gap, self._last = state.stamp - self._last, state.stamp
         if not wrong:
-            self._since = None
-            return ""
-        if self._since is None or state.stamp < self._since:
-            self._since = state.stamp
-        return wrong if state.stamp - self._since > PATIENCE_NS else ""
+            self._wrong_for = None
+        elif self._wrong_for is None or gap < 0:
+            self._wrong_for = 0
+        else:
+            self._wrong_for += min(gap, self._most)
+        return wrong if (self._wrong_for or 0) > PATIENCE_NS else ""
 
     def obeys(self, state: ArmState, epoch: str) -> bool:
         """Whether it follows a command of ``epoch`` now."""

@@ -36,17 +36,25 @@ def own(stamp: int, age: int = PERIOD_NS) -> Following:
     ids=["another controller", "nothing", "an old command", "this one", "not reported"],
 )
 def test_what_a_driver_follows(follows: Any, said: str) -> None:
-    watch = DriverWatch()
+    watch = DriverWatch(PERIOD_NS)
     faults = [watch.fault(state(t, follows(t)), "e1") for t in range(10**9, 2 * 10**9, PERIOD_NS)]
     assert not any(faults[:10]), "a command needs its way"
     assert said in faults[-1] and bool(faults[-1]) == bool(said)
 
 
 def test_a_command_that_is_lost_once_is_no_fault() -> None:
-    watch = DriverWatch()
+    watch = DriverWatch(PERIOD_NS)
     for t in range(0, 10**9, PERIOD_NS):
         lost = t // 40_000_000 % 3 == 0
         assert not watch.fault(state(t, Following() if lost else own(t)), "e1")
+
+
+def test_a_controller_that_was_late_itself_gives_the_driver_the_time_it_did_not_have() -> None:
+    """It stalls twice: each time the driver follows the last command before that, which is old by then."""
+    watch = DriverWatch(PERIOD_NS)
+    stalled = [(10**9, PERIOD_NS), (1_300_000_000, 300_000_000), (1_600_000_000, 300_000_000)]
+    faults = [watch.fault(state(t, own(t, age)), "e1") for t, age in [*stalled, (1_604_000_000, PERIOD_NS)]]
+    assert not any(faults)
 
 
 class Obedient(PerfectArm):
