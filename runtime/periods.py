@@ -36,14 +36,18 @@ class Periods:
         elif late < -NEAREST * self._usual_gap:
             return "skip"
         else:
-            missed = max(late // self._period_ns, 0.0) * self._period_ns
-            late -= missed
-            self._expected += missed
-            if late <= NEAREST * self._usual_gap:  # else the one that was expected was lost
-                self._expected += FOLLOWS * late
+            self._follow(late)
         self._expected += self._period_ns
         self._answered = stamp
         return "tick"
+
+    def _follow(self, late: float) -> None:
+        """A measurement is answered that comes ``late`` ns after the one that is expected, or before it."""
+        if late >= self._period_ns:
+            lost, late = divmod(late, self._period_ns)
+            self._expected += lost * self._period_ns
+        if late <= NEAREST * self._usual_gap:  # else the one that was expected was lost
+            self._expected += FOLLOWS * late
 
     def _note_gap(self, stamp: int) -> None:
         gap = 0 if self._last is None else min(stamp - self._last, self._period_ns)

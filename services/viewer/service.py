@@ -153,12 +153,12 @@ class Viewer:
             self.frame(begun)
             due = next_frame(due, begun, time.monotonic(), self._period)
             time.sleep(max(0.0, due - time.monotonic()))
-        if (recording := self._draw(time.monotonic())) is not None:
+        if (recording := self._take_in(time.monotonic())) is not None:
             recording.close()
 
     def frame(self, wall: float) -> None:
         """Take in what has come, and draw it. ``wall`` is the machine's monotonic time in seconds."""
-        recording = self._draw(wall)
+        recording = self._take_in(wall)
         if recording is None:
             return
         self._lay_out(recording, wall)
@@ -168,8 +168,8 @@ class Viewer:
             self._repeated = self._now
             recording.repeat(self._now)
 
-    def _draw(self, wall: float) -> Recording | None:
-        """Draw what has come. Returns the recording; None before it is known which run it is of."""
+    def _take_in(self, wall: float) -> Recording | None:
+        """Record what has come. Returns the recording; None before it is known which run it is of."""
         events = self._read()
         clocks = [event.message for event in events if isinstance(event, Sample) and event.topic is topics.CLOCK]
         if clocks:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rackhand.schemas.motion import ArmState
 
 PATIENCE_NS = 60_000_000  # what was sent needs its way, and a driver may lose a command
-COUNTED = 2  # periods
+COUNTED = 2  # periods, of the time between two looks at most
 OLDEST_NS = 250_000_000  # a driver has stopped the arm by then
 LOST = 1.5  # periods by which the command that a driver follows is older than usual: two or more have not come
 FORGETS = 0.005  # share of an older command's age by which the usual one grows

@@ -93,7 +93,8 @@ class Zone(Feature):
     @cached_property
     def bounds(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """The least and the greatest x and y of all rings. Most places that are asked about are far from a zone."""
-        (left, low), (right, high) = (bound(np.vstack(self.rings), axis=0).tolist() for bound in (np.min, np.max))
+        points = np.vstack(self.rings)
+        (left, low), (right, high) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
         return (left, low), (right, high)
 
 
